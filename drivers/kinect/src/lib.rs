@@ -1,0 +1,1 @@
+//! Kinect v1 raw depth to metres and points and back.

@@ -1,0 +1,1 @@
+//! Velodyne packets to points and back.

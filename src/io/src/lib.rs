@@ -1,0 +1,1 @@
+//! Raw bytes from files into one ordered ledger.

@@ -1,0 +1,169 @@
+//! The ledger's events: everything the core ever learns, in one order.
+
+use crate::time::{KinectTicks, RigNs};
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// A sensor's name from the config, e.g. `front`. Cheap to clone.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
+pub struct SensorId(Arc<str>);
+
+impl SensorId {
+    /// The name as text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl From<String> for SensorId {
+    fn from(name: String) -> Self {
+        Self(name.into())
+    }
+}
+
+impl From<&str> for SensorId {
+    fn from(name: &str) -> Self {
+        Self(name.into())
+    }
+}
+
+impl From<SensorId> for String {
+    fn from(id: SensorId) -> Self {
+        id.0.as_ref().to_owned()
+    }
+}
+
+impl core::fmt::Display for SensorId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// One thing that happened, in the order the daemon accepted it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Position in the ledger: 0, 1, 2, … without gaps. A total order; ties cannot exist.
+    pub seq: u64,
+    /// When the host first had it, on the session's timeline.
+    pub arrived: RigNs,
+    /// What happened.
+    pub body: Body,
+}
+
+/// What an event carries: raw bytes exactly as the device gave them, or what is known to be missing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Body {
+    /// A UDP payload from a LiDAR's data or position port.
+    LidarPacket {
+        /// Which LiDAR.
+        sensor: SensorId,
+        /// The payload as received.
+        bytes: Bytes,
+    },
+    /// One Kinect depth frame, 640 × 480.
+    DepthFrame {
+        /// Which Kinect.
+        sensor: SensorId,
+        /// The device's stamp of the frame; captures without one have `None`.
+        ticks: Option<KinectTicks>,
+        /// How `bytes` is to be read.
+        encoding: DepthEncoding,
+        /// USB packets of this frame that never arrived.
+        lost_packets: PacketMask,
+        /// The frame's payload as received.
+        bytes: Bytes,
+    },
+    /// Something that a sensor sent and that was lost on the way.
+    Gap {
+        /// Whose data.
+        sensor: SensorId,
+        /// How many packets, frames or chunks.
+        lost: u32,
+        /// Where.
+        place: LossPoint,
+    },
+}
+
+impl Body {
+    /// The sensor it came from or concerns.
+    pub fn sensor(&self) -> &SensorId {
+        match self {
+            Self::LidarPacket { sensor, .. } | Self::DepthFrame { sensor, .. } | Self::Gap { sensor, .. } => sensor,
+        }
+    }
+}
+
+/// Where data were lost before the ledger had them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum LossPoint {
+    /// The capture file holds less of the packet than was on the wire, or breaks off.
+    Capture,
+}
+
+/// How a depth frame's bytes are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthEncoding {
+    /// 11 bits a pixel, big-endian bit stream without padding: 422 400 bytes, as on the wire.
+    Packed11,
+    /// 16-bit little-endian, raw disparity 0..=2047: 614 400 bytes.
+    Raw11,
+    /// 16-bit little-endian, millimetres, 0 = no data: 614 400 bytes.
+    Mm16,
+}
+
+/// One bit per USB packet of a depth frame (242 of 1 748 bytes): set = lost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PacketMask([u64; 4]);
+
+impl PacketMask {
+    /// USB packets of a packed 11-bit frame: 241 × 1 748 + 1 132 bytes = 422 400.
+    pub const PACKETS: usize = 242;
+
+    /// Nothing lost.
+    pub const NONE: Self = Self([0; 4]);
+
+    /// Marks packet `index` as lost; indices past the last packet are ignored.
+    pub fn mark_lost(&mut self, index: usize) {
+        if index < Self::PACKETS
+            && let Some(word) = self.0.get_mut(index / 64)
+        {
+            *word |= 1 << (index % 64);
+        }
+    }
+
+    /// Whether packet `index` was lost.
+    pub fn is_lost(&self, index: usize) -> bool {
+        self.0.get(index / 64).is_some_and(|word| word >> (index % 64) & 1 == 1)
+    }
+
+    /// How many were lost, 0..=242.
+    pub fn count(&self) -> u32 {
+        self.0.iter().map(|word| word.count_ones()).sum()
+    }
+
+    /// The lost packets' indices, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..Self::PACKETS).filter(|&index| self.is_lost(index))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mask_counts_each_packet_once_and_ignores_what_is_not_one() {
+        let mut mask = PacketMask::NONE;
+        for index in [0, 63, 64, 241, 241, 242, 9_999] {
+            mask.mark_lost(index);
+        }
+        assert_eq!(mask.count(), 4);
+        assert_eq!(mask.iter().collect::<Vec<_>>(), [0, 63, 64, 241]);
+    }
+}

@@ -1,0 +1,21 @@
+//! The vocabulary every other crate speaks. Data and arithmetic only.
+//!
+//! * [`time`]: four kinds of time, four types, no conversion that could mix them up;
+//! * [`civil`]: calendar dates and the hour a device's "microseconds past the hour" belong to;
+//! * [`frames`]: rigid transforms whose frames the compiler checks;
+//! * [`event`]: what the ledger holds: raw bytes with the instant the host first had them.
+//!
+//! ```text
+//!   io (files, sockets, USB) ── Event ──▶ drivers (bytes → points, depth) ──▶ core
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod civil;
+pub mod event;
+pub mod frames;
+pub mod time;
+
+pub use civil::{CivilTime, resolve_hour};
+pub use event::{Body, DepthEncoding, Event, LossPoint, PacketMask, SensorId};
+pub use frames::{Frame, Iso, Kinect, Lidar, Point, Rig, Stage, Target, UnitQuaternionError};
+pub use time::{KinectTicks, LidarTime, RigNs, Span, UnixNs};
