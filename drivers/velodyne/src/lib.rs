@@ -1,1 +1,13 @@
-//! Velodyne packets to points and back.
+//! Velodyne packets to points and back. Pure: bytes in, values out.
+//!
+//! ```text
+//!   payload ─ wire ─▶ blocks ─▶ points
+//! ```
+#![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing)]
+
+pub mod points;
+pub mod wire;
+
+pub use points::{LidarPoint, Points, Return};
+pub use wire::{Bank, Block, DataPacket, WireError};
