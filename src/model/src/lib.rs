@@ -2,6 +2,7 @@
 //!
 //! * [`time`]: four kinds of time, four types, no conversion that could mix them up;
 //! * [`civil`]: calendar dates and the hour a device's "microseconds past the hour" belong to;
+//! * [`nmea`]: what a GPS receiver's sentence says about time;
 //! * [`frames`]: rigid transforms whose frames the compiler checks;
 //! * [`event`]: what the ledger holds: raw bytes with the instant the host first had them.
 //!
@@ -13,6 +14,7 @@
 pub mod civil;
 pub mod event;
 pub mod frames;
+pub mod nmea;
 pub mod time;
 
 pub use civil::{CivilTime, resolve_hour};
