@@ -1,0 +1,42 @@
+//! Arguments that several commands share.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{Failure, render};
+use crate::config::{self, Loaded};
+
+/// Where the config comes from.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ConfigArgs {
+    /// The rig's config; without it the built-in defaults: one LiDAR `front`, one Kinect `near`.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Overrides one key, e.g. lidar.port=2369 (every LiDAR), lidar.front.port=2369 (one); repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<String>,
+}
+
+impl ConfigArgs {
+    /// Loads the config; its warnings go to stderr.
+    ///
+    /// # Errors
+    /// [`Failure::Config`] with every problem.
+    pub fn load(&self) -> Result<Loaded, Failure> {
+        let loaded = config::load(self.config.as_deref(), &self.settings)?;
+        loaded.warnings.iter().for_each(render::to_stderr);
+        Ok(loaded)
+    }
+}
+
+/// Captures, and the config to read them with.
+#[derive(Clone, Debug, Args)]
+pub struct InputArgs {
+    /// Captures: files or folders; several are merged by host time.
+    #[arg(value_name = "INPUT", required = true)]
+    pub inputs: Vec<PathBuf>,
+    /// The config to read them with.
+    #[command(flatten)]
+    pub config: ConfigArgs,
+}

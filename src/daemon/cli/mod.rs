@@ -1,0 +1,71 @@
+//! The commands, one file each, and what they share.
+//!
+//! ```text
+//!   arguments ──▶ Command ──▶ its run() ──▶ Ok(Outcome) or Err(Failure) ──▶ exit code (main.rs)
+//!                                └──▶ report on stdout (output), everything else on stderr (log, render)
+//! ```
+
+use clap::{ArgAction, Args, Parser, Subcommand};
+
+pub mod config;
+pub mod failure;
+pub mod input;
+pub mod log;
+pub mod output;
+pub mod render;
+
+pub use failure::{Failure, Outcome};
+pub use input::{ConfigArgs, InputArgs};
+
+/// Version and, where it was built from a repository, the commit: `0.1.0 (122e041f3c5d)`.
+pub const VERSION: &str = env!("TUMBLED_VERSION");
+
+/// Kinect v1 and Velodyne clouds of a tumbling target to its pose, spin axis and rate.
+#[derive(Debug, Parser)]
+#[command(name = "tumbled", version = VERSION, max_term_width = 100, subcommand_required = true)]
+#[command(
+    after_help = "Exit codes: 0 fine, 1 failed, 2 bad usage, config or input file, 3 finished but data were lost."
+)]
+pub struct Cli {
+    #[command(flatten)]
+    log: LogArgs,
+    #[command(subcommand)]
+    command: Command,
+}
+
+impl Cli {
+    /// How much is logged: `-v` more often than `-q` is positive, 0 by default.
+    pub fn verbosity(&self) -> i8 {
+        let count = |n: u8| i8::try_from(n).unwrap_or(i8::MAX);
+        count(self.log.verbose).saturating_sub(count(self.log.quiet))
+    }
+}
+
+/// How much is logged to stderr.
+#[derive(Debug, Args)]
+struct LogArgs {
+    /// Log more to stderr; twice: everything.
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    verbose: u8,
+    /// Log only warnings; twice: only errors.
+    #[arg(short, long, global = true, action = ArgAction::Count, conflicts_with = "verbose")]
+    quiet: u8,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Check, show, describe or write a config.
+    #[command(subcommand)]
+    Config(config::Command),
+}
+
+/// Carries out a command.
+///
+/// # Errors
+/// Whatever stopped it; [`Failure::exit_code`] says how that ends.
+pub fn run(cli: Cli) -> Result<Outcome, Failure> {
+    match cli.command {
+        Command::Config(command) => config::run(command),
+    }
+}

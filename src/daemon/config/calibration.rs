@@ -1,0 +1,169 @@
+//! The calibration file: what a calibration found, per sensor id, laid over the config.
+//!
+//! ```toml
+//! [lidar.front]
+//! t_rig_lidar = { translation_m = [0.0, 0.0, 1.1], rotation_xyzw = [0.0, 0.0, 0.0, 1.0] }
+//! time_offset_ms = 1.5
+//! [kinect.near]
+//! intrinsics = { fx = 580.1, fy = 579.6, cx = 318.2, cy = 242.9 }
+//! ```
+//! A transform or intrinsics given here replaces the one in the config whole: half a calibrated rotation with half a
+//! drawn one would be neither. So they are complete here, and distortion left out is none.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::names::check_names;
+use super::origin::{Origin, SourceText};
+use super::problem::Problem;
+use super::shape::Shape;
+use super::tree::{Entry, Node, Step, Value};
+
+/// A calibration file as written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawCalibration {
+    /// Calibrated LiDARs by their ids in the config.
+    pub lidar: BTreeMap<String, CalibratedLidar>,
+    /// Calibrated Kinects by their ids in the config.
+    pub kinect: BTreeMap<String, CalibratedKinect>,
+    /// How it was found; anything, not read here.
+    pub provenance: BTreeMap<String, serde_json::Value>,
+}
+
+/// What a calibration found about one LiDAR.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibratedLidar {
+    /// Mounting: lidar coordinates into rig coordinates.
+    pub t_rig_lidar: Option<CalibratedTransform>,
+    /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
+    #[schemars(range(min = -3_600_000.0, max = 3_600_000.0))]
+    pub time_offset_ms: Option<f64>,
+}
+
+/// What a calibration found about one Kinect.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibratedKinect {
+    /// Mounting: depth-camera coordinates into rig coordinates.
+    pub t_rig_kinect: Option<CalibratedTransform>,
+    /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
+    #[schemars(range(min = -3_600_000.0, max = 3_600_000.0))]
+    pub time_offset_ms: Option<f64>,
+    /// Pinhole model and distortion of the depth camera.
+    pub intrinsics: Option<CalibratedIntrinsics>,
+}
+
+/// A complete rigid transform.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CalibratedTransform {
+    /// Translation x, y, z, m.
+    pub translation_m: [f64; 3],
+    /// Rotation, a unit quaternion in the order x, y, z, w.
+    pub rotation_xyzw: [f64; 4],
+}
+
+/// A complete pinhole model; distortion left out is none.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CalibratedIntrinsics {
+    /// Focal length along u, pixels.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub fx: f64,
+    /// Focal length along v, pixels.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub fy: f64,
+    /// Principal point, u, pixels.
+    pub cx: f64,
+    /// Principal point, v, pixels.
+    pub cy: f64,
+    /// Radial distortion, second order.
+    #[serde(default)]
+    pub k1: f64,
+    /// Radial distortion, fourth order.
+    #[serde(default)]
+    pub k2: f64,
+    /// Tangential distortion, first coefficient.
+    #[serde(default)]
+    pub p1: f64,
+    /// Tangential distortion, second coefficient.
+    #[serde(default)]
+    pub p2: f64,
+    /// Radial distortion, sixth order.
+    #[serde(default)]
+    pub k3: f64,
+}
+
+/// Reads the calibration file `rig.calibration` names and lays it over the config.
+///
+/// `root` has its defaults filled in, so that every sensor has its id.
+pub fn apply_calibration(root: &mut Node, problems: &mut Vec<Problem>) {
+    let named_by = [Step::Key("rig".to_owned()), Step::Key("calibration".to_owned())];
+    let Some(name) = root.text_at(&named_by).filter(|name| !name.is_empty()) else { return };
+    let origin = root.origin_at(&named_by).clone();
+    let path = origin.directory().join(name);
+    let source = match super::layers::read_source(super::Layer::Calibration, &path) {
+        Ok(source) => source,
+        Err(reason) => {
+            let message = format!("the calibration file cannot be read: {reason}");
+            let help = "correct the path (a relative one starts at the file it stands in), or leave `calibration` out \
+                        to use the transforms, offsets and intrinsics of the config";
+            problems.push(Problem::error(&origin, Some("rig.calibration".to_owned()), message).with_help(help));
+            return;
+        }
+    };
+    let read_before = problems.len();
+    let mut calibration = Node::parse(&source, problems);
+    if problems.len() > read_before {
+        return;
+    }
+    let mut findings = check_names(&calibration, &Shape::of(&schemars::schema_for!(RawCalibration)));
+    problems.append(&mut findings.problems);
+    findings.faulty.iter().for_each(|path| calibration.remove(path));
+    for section in ["lidar", "kinect"] {
+        let Some(Value::Table(sensors)) = calibration.entry(section).map(|entry| entry.node.value.clone()) else {
+            continue;
+        };
+        for sensor in sensors {
+            apply_sensor(root, section, sensor, &source, problems);
+        }
+    }
+}
+
+/// Replaces what one sensor's table names in the config's table of that sensor.
+fn apply_sensor(
+    root: &mut Node,
+    section: &str,
+    sensor: Entry,
+    source: &std::sync::Arc<SourceText>,
+    problems: &mut Vec<Problem>,
+) {
+    let Value::Table(root_entries) = &mut root.value else { return };
+    let Some(list) = root_entries.iter_mut().find(|entry| entry.name == section) else { return };
+    // A list or table of the wrong type is reported with the names and types.
+    let (Value::List(elements), Value::Table(found)) = (&mut list.node.value, sensor.node.value) else { return };
+    let id_of = |node: &Node| node.text_at(&[Step::Key("id".to_owned())]).map(str::to_owned);
+    let ids: Vec<String> = elements.iter().filter_map(id_of).collect();
+    let Some(element) = elements.iter_mut().find(|element| id_of(element).as_ref() == Some(&sensor.name)) else {
+        let message = format!("`{}` is not the id of a [[{section}]] of the config", sensor.name);
+        let help = match ids.as_slice() {
+            [] => format!("the config has no [[{section}]]"),
+            ids => format!("its ids are {}", ids.iter().map(|id| format!("`{id}`")).collect::<Vec<_>>().join(", ")),
+        };
+        let origin = match sensor.origin {
+            Origin::Default => Origin::new(source, 0..0),
+            written => written,
+        };
+        problems.push(Problem::error(&origin, Some(format!("{section}.{}", sensor.name)), message).with_help(help));
+        return;
+    };
+    let Value::Table(entries) = &mut element.value else { return };
+    for replacement in found {
+        entries.retain(|entry| entry.name != replacement.name);
+        entries.push(replacement);
+    }
+}

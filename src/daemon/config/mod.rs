@@ -1,0 +1,138 @@
+//! The config: one TOML file, checked whole, then typed.
+//!
+//! * [`raw`]: the keys as they stand in the file, and [`calibration`]: those of the calibration file;
+//! * [`origin`], [`problem`]: where a value was written, and what is wrong with it;
+//! * [`tree`], [`shape`], [`names`]: the file as a tree, the schema it is held against, and the walk that does so;
+//! * [`set`], [`layers`]: `--set`, and the layers put together by [`load`];
+//! * [`check`]: the rules beyond names and types, which make a [`Config`];
+//! * [`show`]: the effective config with its origins.
+//!
+//! Only [`Config`] travels on.
+
+use std::net::IpAddr;
+use std::path::PathBuf;
+
+use tumbled_model::{Iso, Kinect, Lidar, Point, Rig, SensorId, Span, Target};
+
+pub mod calibration;
+pub mod check;
+mod check_sensors;
+pub mod layers;
+pub mod names;
+pub mod origin;
+pub mod problem;
+pub mod raw;
+pub mod set;
+pub mod shape;
+pub mod show;
+pub mod suggest;
+pub mod tree;
+
+pub use layers::{ConfigError, load};
+pub use origin::Layer;
+pub use problem::{Gravity, Problem, ProblemReport};
+pub use raw::{Hdl32eStamp, Intrinsics, LidarModel, Switch, TurntableProtocol};
+
+/// The commented default, as `tumbled config init` writes it.
+pub const COMMENTED_DEFAULT: &str = include_str!("../../../config/rig.toml");
+
+/// A config that may be used.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The config.
+    pub config: Config,
+    /// The same as a tree with origins, for [`show`].
+    pub tree: tree::Node,
+    /// What its author may want to know; no errors among them.
+    pub warnings: Vec<Problem>,
+}
+
+/// A rig, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// The rig's name, for people; not empty.
+    pub name: String,
+    /// The LiDARs; ids unique over all sensors.
+    pub lidars: Vec<LidarConfig>,
+    /// The Kinects; ids unique over all sensors.
+    pub kinects: Vec<KinectConfig>,
+    /// The turntable, if there is one.
+    pub turntable: Option<TurntableConfig>,
+    /// Where the target is looked for.
+    pub target: TargetConfig,
+    /// Points of the target whose motion is reported; names unique.
+    pub points_of_interest: Vec<PointOfInterest>,
+}
+
+/// One Velodyne LiDAR.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LidarConfig {
+    /// Its name in the rig.
+    pub id: SensorId,
+    /// The model, or `Auto`.
+    pub model: LidarModel,
+    /// UDP port of the data packets; 0 = any free port.
+    pub port: u16,
+    /// UDP port of the position packets; 0 = any free port.
+    pub position_port: u16,
+    /// Only packets from this address; `None`: from any.
+    pub source: Option<IpAddr>,
+    /// Whether the heights at which the beams leave the sensor are applied.
+    pub vertical_offsets: Switch,
+    /// HDL-64E: the file of the per-laser calibration. May not exist unless the model is HDL-64E.
+    pub calibration: Option<PathBuf>,
+    /// Mounting.
+    pub t_rig_lidar: Iso<Rig, Lidar>,
+    /// How late the stamps are: measurement time = mapped stamp - offset. Within an hour.
+    pub time_offset: Span,
+    /// Nearest range used, m, at least 0; `None`: the model's.
+    pub range_min_m: Option<f64>,
+    /// Farthest range used, m, above the nearest; `None`: the model's.
+    pub range_max_m: Option<f64>,
+    /// HDL-32E: which firing the packet's stamp belongs to.
+    pub hdl32e_stamp: Hdl32eStamp,
+}
+
+/// One Kinect v1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KinectConfig {
+    /// Its name in the rig.
+    pub id: SensorId,
+    /// The camera's serial number; `None`: the only one there is.
+    pub serial: Option<String>,
+    /// Pinhole model and distortion; focal lengths above 0.
+    pub intrinsics: Intrinsics,
+    /// Mounting.
+    pub t_rig_kinect: Iso<Rig, Kinect>,
+    /// How late the stamps are: measurement time = mapped stamp - offset. Within an hour.
+    pub time_offset: Span,
+    /// The file of the camera's own depth law; it existed when the config was loaded. `None`: the factory law.
+    pub depth_table: Option<PathBuf>,
+}
+
+/// The turntable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TurntableConfig {
+    /// The serial device; not empty.
+    pub port: String,
+    /// What is spoken on it.
+    pub protocol: TurntableProtocol,
+}
+
+/// Where the target is looked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetConfig {
+    /// Centre of the region of interest.
+    pub roi_center: Point<Rig>,
+    /// Its radius, m, above 0.
+    pub roi_radius_m: f64,
+}
+
+/// A named point of the target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointOfInterest {
+    /// Its name; not empty.
+    pub name: String,
+    /// Where it is.
+    pub position: Point<Target>,
+}

@@ -1,0 +1,310 @@
+//! The config as it stands in a file: the raw types serde reads, schemars describes and `config/rig.toml` shows.
+//!
+//! These types are the one list of keys. The JSON Schema, the check of names and types, the built-in defaults and
+//! `config show` all follow from them; the doc comment of a field is its description in the schema and in messages.
+//! They hold what was written, not what it means: [`super::Config`] is what travels on.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A rig: its sensors, where they are mounted, and what is measured. SI units unless a key's name says otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+#[schemars(title = "tumbled rig config")]
+pub struct RawConfig {
+    /// The rig as a whole.
+    pub rig: RawRig,
+    /// The LiDARs, one `[[lidar]]` each. Left out: one with the defaults. None: `lidar = []`.
+    pub lidar: Vec<RawLidar>,
+    /// The Kinects, one `[[kinect]]` each. Left out: one with the defaults. None: `kinect = []`.
+    pub kinect: Vec<RawKinect>,
+    /// The turntable the target stands on. Left out: no turntable.
+    pub turntable: Option<RawTurntable>,
+    /// Where the target is looked for.
+    pub target: RawTarget,
+    /// Named points of the target whose motion is reported, one `[[points_of_interest]]` each.
+    pub points_of_interest: Vec<RawPointOfInterest>,
+    /// Clock handling. Has no keys in this version.
+    pub time: RawNoKeys,
+    /// Fusion of the two sensors. Has no keys in this version.
+    pub fusion: RawNoKeys,
+    /// Reconstruction of the target. Has no keys in this version.
+    pub reconstruction: RawNoKeys,
+    /// The motion filter. Has no keys in this version.
+    pub filter: RawNoKeys,
+    /// The state stream. Has no keys in this version.
+    pub stream: RawNoKeys,
+    /// Recording. Has no keys in this version.
+    pub record: RawNoKeys,
+    /// Limits of what is accepted. Has no keys in this version.
+    pub limits: RawNoKeys,
+}
+
+impl Default for RawConfig {
+    fn default() -> Self {
+        Self {
+            rig: RawRig::default(),
+            lidar: vec![RawLidar::default()],
+            kinect: vec![RawKinect::default()],
+            turntable: None,
+            target: RawTarget::default(),
+            points_of_interest: Vec::new(),
+            time: RawNoKeys {},
+            fusion: RawNoKeys {},
+            reconstruction: RawNoKeys {},
+            filter: RawNoKeys {},
+            stream: RawNoKeys {},
+            record: RawNoKeys {},
+            limits: RawNoKeys {},
+        }
+    }
+}
+
+/// A section without keys.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawNoKeys {}
+
+/// The rig as a whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawRig {
+    /// The rig's name, for people: it stands in recordings and reports.
+    pub name: String,
+    /// A calibration file. What it holds overrides the inline transforms, time offsets and intrinsics, per sensor id.
+    pub calibration: Option<String>,
+}
+
+impl Default for RawRig {
+    fn default() -> Self {
+        Self { name: "rig".to_owned(), calibration: None }
+    }
+}
+
+/// One Velodyne LiDAR.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawLidar {
+    /// The sensor's name in this rig: a-z, 0-9, `-`, `_`; unique over all sensors.
+    #[schemars(regex(pattern = r"^[a-z0-9_-]+$"))]
+    pub id: String,
+    /// The sensor model; `auto` reads it from the packets and checks it against their rate.
+    pub model: LidarModel,
+    /// UDP port of the data packets; 0 = any free port.
+    pub port: u16,
+    /// UDP port of the position packets; 0 = any free port.
+    pub position_port: u16,
+    /// Only packets from this IP address; left out or empty: from any.
+    pub source: Option<String>,
+    /// Whether the heights at which the beams leave the sensor are applied; `auto` follows the model.
+    pub vertical_offsets: Switch,
+    /// HDL-64E: per-laser calibration (db.xml, velodyne_decoder or ROS YAML, or CSV).
+    pub calibration: Option<String>,
+    /// Mounting: lidar coordinates into rig coordinates.
+    pub t_rig_lidar: RawTransform,
+    /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
+    #[schemars(range(min = -3_600_000.0, max = 3_600_000.0))]
+    pub time_offset_ms: f64,
+    /// Nearest range used, m; left out: the model's. Exports of packets keep every range.
+    #[schemars(range(min = 0.0))]
+    pub range_min_m: Option<f64>,
+    /// Farthest range used, m; left out: the model's. Exports of packets keep every range.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub range_max_m: Option<f64>,
+    /// HDL-32E: which firing of a packet its time stamp belongs to; the documents disagree by 0.54 ms.
+    pub hdl32e_stamp: Hdl32eStamp,
+}
+
+impl Default for RawLidar {
+    fn default() -> Self {
+        Self {
+            id: "front".to_owned(),
+            model: LidarModel::Auto,
+            port: 2368,
+            position_port: 8308,
+            source: None,
+            vertical_offsets: Switch::Auto,
+            calibration: None,
+            t_rig_lidar: RawTransform::default(),
+            time_offset_ms: 0.0,
+            range_min_m: None,
+            range_max_m: None,
+            hdl32e_stamp: Hdl32eStamp::First,
+        }
+    }
+}
+
+/// A Velodyne model, or `auto`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum LidarModel {
+    /// Read from the packets.
+    #[serde(rename = "auto")]
+    Auto,
+    /// VLP-32C.
+    #[serde(rename = "vlp-32c")]
+    Vlp32c,
+    /// VLP-16 or Puck LITE.
+    #[serde(rename = "vlp-16")]
+    Vlp16,
+    /// Puck Hi-Res.
+    #[serde(rename = "vlp-16-hi-res")]
+    Vlp16HiRes,
+    /// HDL-32E.
+    #[serde(rename = "hdl-32e")]
+    Hdl32e,
+    /// HDL-64E.
+    #[serde(rename = "hdl-64e")]
+    Hdl64e,
+}
+
+/// On, off, or as the sensor's model wants it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Switch {
+    /// As the model wants it.
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+/// Which firing of an HDL-32E packet its time stamp belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Hdl32eStamp {
+    /// The first firing of the packet (later documents, and what other decoders take).
+    First,
+    /// The last firing of the packet (the older manual's timing table).
+    Last,
+}
+
+/// One Kinect v1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawKinect {
+    /// The sensor's name in this rig: a-z, 0-9, `-`, `_`; unique over all sensors.
+    #[schemars(regex(pattern = r"^[a-z0-9_-]+$"))]
+    pub id: String,
+    /// The camera's serial number; empty: the only one there is.
+    pub serial: String,
+    /// Pinhole model and distortion of the depth camera.
+    pub intrinsics: Intrinsics,
+    /// Mounting: depth-camera coordinates into rig coordinates.
+    pub t_rig_kinect: RawTransform,
+    /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
+    #[schemars(range(min = -3_600_000.0, max = 3_600_000.0))]
+    pub time_offset_ms: f64,
+    /// This camera's own depth law: CSV `raw11,depth_mm`; left out: the factory law.
+    pub depth_table: Option<String>,
+}
+
+impl Default for RawKinect {
+    fn default() -> Self {
+        Self {
+            id: "near".to_owned(),
+            serial: String::new(),
+            intrinsics: Intrinsics::default(),
+            t_rig_kinect: RawTransform::default(),
+            time_offset_ms: 0.0,
+            depth_table: None,
+        }
+    }
+}
+
+/// A rigid transform, written as the pose of the sensor in the rig.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawTransform {
+    /// Translation x, y, z, m.
+    pub translation_m: [f64; 3],
+    /// Rotation, a unit quaternion in the order x, y, z, w.
+    pub rotation_xyzw: [f64; 4],
+}
+
+impl Default for RawTransform {
+    fn default() -> Self {
+        Self { translation_m: [0.0; 3], rotation_xyzw: [0.0, 0.0, 0.0, 1.0] }
+    }
+}
+
+/// Pinhole model with Brown-Conrady distortion; pixel centres at integer coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Intrinsics {
+    /// Focal length along u, pixels.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub fx: f64,
+    /// Focal length along v, pixels.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub fy: f64,
+    /// Principal point, u, pixels.
+    pub cx: f64,
+    /// Principal point, v, pixels.
+    pub cy: f64,
+    /// Radial distortion, second order.
+    pub k1: f64,
+    /// Radial distortion, fourth order.
+    pub k2: f64,
+    /// Tangential distortion, first coefficient.
+    pub p1: f64,
+    /// Tangential distortion, second coefficient.
+    pub p2: f64,
+    /// Radial distortion, sixth order.
+    pub k3: f64,
+}
+
+impl Default for Intrinsics {
+    fn default() -> Self {
+        Self { fx: 575.8, fy: 575.8, cx: 320.0, cy: 240.0, k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 }
+    }
+}
+
+/// The turntable the target stands on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawTurntable {
+    /// The serial device.
+    pub port: String,
+    /// What is spoken on it.
+    #[serde(default)]
+    pub protocol: TurntableProtocol,
+}
+
+/// What a turntable's serial port speaks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TurntableProtocol {
+    /// Zaber ASCII.
+    #[default]
+    Zaber,
+    /// One line of text per reading.
+    Line,
+}
+
+/// Where the target is looked for: a sphere in the rig's frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawTarget {
+    /// Centre of the region of interest, rig frame, m.
+    pub roi_center_m: [f64; 3],
+    /// Radius of the region of interest, m.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub roi_radius_m: f64,
+}
+
+impl Default for RawTarget {
+    fn default() -> Self {
+        Self { roi_center_m: [2.0, 0.0, 0.0], roi_radius_m: 1.2 }
+    }
+}
+
+/// A named point of the target whose motion is reported.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawPointOfInterest {
+    /// The point's name; unique.
+    pub name: String,
+    /// Where it is, target frame, m.
+    pub position_m: [f64; 3],
+}

@@ -1,0 +1,10 @@
+//! The `tumbled` program, as a library so that its tests and documentation reach every part.
+//!
+//! * [`cli`]: the commands, one file each, and what they share: arguments, outcomes, exit codes, output;
+//! * [`config`]: one TOML file to a checked rig;
+//! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
+#![forbid(unsafe_code)]
+
+pub mod cli;
+pub mod config;
+pub mod schema;

@@ -1,0 +1,40 @@
+//! The JSON Schemas the project publishes, generated from the Rust types.
+//!
+//! Each lies in the repository; a test holds the file against the type, and
+//! `cargo test --test main -- --ignored regenerate` writes the files anew. A command that prints new JSON adds its
+//! report here.
+
+use schemars::{Schema, schema_for};
+
+use crate::cli::config::check::CheckReport;
+use crate::config::raw::RawConfig;
+use crate::config::show::ShowReport;
+
+/// A published schema.
+pub struct Published {
+    /// The file, relative to the root of the repository.
+    pub file: &'static str,
+    /// The schema.
+    pub schema: Schema,
+}
+
+impl Published {
+    /// The text of the file.
+    pub fn text(&self) -> String {
+        // `:#` indents.
+        format!("{:#}\n", self.schema.as_value())
+    }
+}
+
+/// The schema of the config file: what `tumbled config schema` prints.
+pub fn config() -> Published {
+    Published { file: "config/rig.schema.json", schema: schema_for!(RawConfig) }
+}
+
+/// The schemas of every JSON output.
+pub fn outputs() -> Vec<Published> {
+    vec![
+        Published { file: "docs/schema/config-check.schema.json", schema: schema_for!(CheckReport) },
+        Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },
+    ]
+}
