@@ -32,6 +32,25 @@ pub struct BeamTable {
     pub(crate) column: [u8; SLOTS],
 }
 
+/// One slot of a block: which laser, when it fires, where it looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beam {
+    /// Laser id.
+    pub laser: u8,
+    /// Rank by elevation, 0 = lowest.
+    pub ring: u8,
+    /// Firing sequence within the block, 0 or 1.
+    pub column: u8,
+    /// Firing time after the block's first firing, ns.
+    pub dt_ns: i32,
+    /// Elevation above the horizontal, radians.
+    pub elevation_rad: f64,
+    /// True azimuth less the head's azimuth at the same instant, radians.
+    pub azimuth_offset_rad: f64,
+    /// Height of the beam's origin over the optical centre, metres; 0 when vertical offsets are off.
+    pub height_m: f64,
+}
+
 impl BeamTable {
     /// The table of a model; `vertical_offsets` says whether z includes the height −f·tan(elevation) at which a beam leaves.
     pub fn new(spec: &ModelSpec, vertical_offsets: bool) -> Self {
@@ -78,9 +97,33 @@ impl BeamTable {
         table
     }
 
-    /// Time from one single-return packet's stamp to the next one's, ns: twelve blocks.
-    pub fn packet_ns(&self, blocks_per_firing: usize) -> i64 {
-        crate::wire::BLOCKS as i64 / blocks_per_firing as i64 * i64::from(self.block_ns)
+    /// Where and when a slot of a block looks; `None` past the last slot.
+    pub fn beam(&self, slot: usize) -> Option<Beam> {
+        Some(Beam {
+            laser: *self.laser.get(slot)?,
+            ring: *self.ring.get(slot)?,
+            column: *self.column.get(slot)?,
+            dt_ns: *self.dt_ns.get(slot)?,
+            elevation_rad: libm::atan2(*self.vertical_m.get(slot)?, *self.horizontal_m.get(slot)?),
+            azimuth_offset_rad: *self.offset_rad.get(slot)?,
+            height_m: *self.height_m.get(slot)?,
+        })
+    }
+
+    /// Metres a distance count.
+    pub fn distance_lsb_m(&self) -> f64 {
+        self.distance_lsb_m
+    }
+
+    /// Time from one block's first firing to the next block's (single return), ns.
+    pub fn block_ns(&self) -> u32 {
+        self.block_ns
+    }
+
+    /// From a single-return packet's first firing to its last, ns.
+    pub(crate) fn last_firing_ns(&self) -> i32 {
+        let blocks = crate::wire::BLOCKS as i32 - 1;
+        blocks * self.block_ns as i32 + self.dt_ns.iter().copied().max().unwrap_or(0)
     }
 }
 
@@ -107,7 +150,6 @@ mod tests {
         // Last pair: 15 × 2.304 = 34.560 µs; the packet's last firing: 11 × 55.296 + 34.560 = 642.816 µs.
         assert_eq!(t.dt_ns[31], 34_560);
         assert_eq!(11 * i64::from(t.block_ns) + i64::from(t.dt_ns[31]), 642_816);
-        assert_eq!((t.packet_ns(1), t.packet_ns(2)), (663_552, 331_776));
         // f·tan 25° = 42.4 mm × 0.46631 = 19.77 mm.
         assert!((t.height_m[0] - 0.01977).abs() < 5e-6);
     }
@@ -116,8 +158,6 @@ mod tests {
     fn vlp16_slot_sixteen_is_laser_zero_one_cycle_later() {
         let t = table(Model::Vlp16);
         assert_eq!((t.laser[16], t.column[16], t.dt_ns[16]), (0, 1, 55_296));
-        // Packet every 12 × 2 × 55.296 = 1327.104 µs.
-        assert_eq!(t.packet_ns(1), 1_327_104);
         assert_eq!(t.turn_share[16], 0.5);
     }
 
@@ -125,7 +165,6 @@ mod tests {
     fn hdl32e_last_firing_is_542_592_ns_after_the_first() {
         // 11 × 46.080 + 31 × 1.152 = 542.592 µs [H32 appendix E].
         let t = table(Model::Hdl32e);
-        assert_eq!(11 * t.block_ns as i32 + t.dt_ns[31], 542_592);
-        assert_eq!(t.packet_ns(1), 552_960);
+        assert_eq!(t.last_firing_ns(), 542_592);
     }
 }

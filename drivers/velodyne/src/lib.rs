@@ -8,11 +8,17 @@
 
 pub mod azimuth;
 pub mod beams;
+pub mod clock;
 pub mod decode;
+pub mod detect;
+pub mod encode;
 pub mod models;
 pub mod points;
 pub mod position;
+pub mod stream;
+pub mod track;
 pub mod wire;
 
+pub use models::{Model, Product, ReturnMode};
 pub use points::{LidarPoint, Points, Return};
 pub use wire::{Bank, Block, DataPacket, WireError};

@@ -56,6 +56,13 @@ macro_rules! columns {
                 $(self.$name.clear();)*
             }
 
+            /// Moves the point at `from` to `to` in every column; indices past the end change nothing.
+            fn move_point(&mut self, from: usize, to: usize) {
+                $(if from < self.$name.len() && to < self.$name.len() {
+                    self.$name.swap(from, to);
+                })*
+            }
+
             /// Cuts every column to `len` points.
             pub fn truncate(&mut self, len: usize) {
                 $(self.$name.truncate(len);)*
@@ -115,6 +122,18 @@ impl Points {
         self.ring.push(point.ring);
         self.column.push(point.column);
         self.ret.push(point.ret);
+    }
+
+    /// From point `start` on keeps only those with `min <= range_m <= max`, in their order.
+    pub fn retain_range_m(&mut self, start: usize, min: f32, max: f32) {
+        let mut kept = start;
+        for index in start..self.len() {
+            if self.range_m.get(index).is_some_and(|range| (min..=max).contains(range)) {
+                self.move_point(index, kept);
+                kept += 1;
+            }
+        }
+        self.truncate(kept);
     }
 
     /// The point at `index`, put together from the columns.

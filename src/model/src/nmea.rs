@@ -67,6 +67,24 @@ pub fn parse_rmc(text: &[u8]) -> Result<Rmc, NmeaError> {
     Ok(Rmc { utc, valid: status == b"A" })
 }
 
+/// An RMC sentence without a position, CR LF included, as a receiver on a bench would send it.
+pub fn format_rmc(utc: UnixNs, valid: bool) -> String {
+    let t = CivilTime::from_unix(utc);
+    let status = if valid { 'A' } else { 'V' };
+    let centis = t.nanosecond / 10_000_000;
+    let body = format!(
+        "GPRMC,{:02}{:02}{:02}.{centis:02},{status},,,,,,,{:02}{:02}{:02},,,N",
+        t.hour,
+        t.minute,
+        t.second,
+        t.day,
+        t.month,
+        t.year.rem_euclid(100)
+    );
+    let checksum = body.bytes().fold(0, |sum, b| sum ^ b);
+    format!("${body}*{checksum:02X}\r\n")
+}
+
 /// The characters between `$` and `*`, once the checksum agrees.
 fn checked_body(sentence: &[u8]) -> Result<&[u8], NmeaError> {
     let inner = match sentence.split_first() {
@@ -147,6 +165,13 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn own_sentences_are_read_back(centis in 0i64..100 * 4_000_000_000, valid in any::<bool>()) {
+            let utc = UnixNs(centis * 10_000_000); // 1970 to 2079 (two-digit years)
+            prop_assume!(utc < UnixNs(3_471_292_800_000_000_000) && utc > UnixNs(315_532_800_000_000_000));
+            prop_assert_eq!(parse_rmc(format_rmc(utc, valid).as_bytes()), Ok(Rmc { utc, valid }));
+        }
+
         #[test]
         fn arbitrary_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
             let _verdict = parse_rmc(&bytes);
