@@ -1,1 +1,14 @@
-//! Raw bytes from files into one ordered ledger.
+//! Raw bytes from files into one ordered ledger: the impure shell's door for data.
+//!
+//! ```text
+//!   .pcap .pcapng ─┐
+//!   ROS 2 bag ─────┤ capture::open      capture::merge
+//!   fakenect ──────┼──────────────▶ Capture ─────────▶ Event, Event, … ──▶ decoders
+//!   depth PNGs ────┘  (one per input)      (by host time)
+//! ```
+//!
+//! Nothing here decodes a sensor's payload: it is handed on as it was received, with the instant the
+//! host first had it and with every loss the file shows.
+#![forbid(unsafe_code)]
+
+pub mod capture;
