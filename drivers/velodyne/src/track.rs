@@ -37,7 +37,7 @@ const SAME_GAP_CDEG: i32 = 100;
 /// Narrower, loss itself strikes twice at the same azimuths now and then.
 const MIN_TWIN_CDEG: i32 = 1_500;
 /// Unexplained gaps remembered until the view's limits are known.
-const MAX_CANDIDATES: usize = 8;
+const MAX_CANDIDATES: usize = 32;
 /// Stamps remembered to tell a late packet from a repeated one.
 const RECENT: usize = 32;
 
@@ -293,9 +293,14 @@ impl PacketTracker {
                 });
                 return self.between(last, now, span_ns);
             }
-            if self.candidates.len() < MAX_CANDIDATES {
-                self.candidates.push(gap);
+            if self.candidates.len() >= MAX_CANDIDATES {
+                // The widest are the likeliest to hold the view's limits.
+                let narrowest = self.candidates.iter().enumerate().min_by_key(|(_, other)| other.lost);
+                if let Some(narrowest) = narrowest.map(|(place, _)| place) {
+                    self.candidates.swap_remove(narrowest);
+                }
             }
+            self.candidates.push(gap);
         }
         missing
     }

@@ -113,13 +113,13 @@ mod tests {
         text += "<maxIntensity_><count>80</count><item>255</item><item>235</item></maxIntensity_>\n";
         text += "<points_><count>80</count><item_version>1</item_version>\n";
         for id in 0..lasers {
-            write!(
+            writeln!(
                 text,
                 "<item class_id=\"8\"><px class_id=\"9\"><id_>{id}</id_><rotCorrection_>-4.5</rotCorrection_>\
                  <vertCorrection_>-9</vertCorrection_><distCorrection_>123.4</distCorrection_>\
                  <distCorrectionX_>128</distCorrectionX_><distCorrectionY_>125</distCorrectionY_>\
                  <vertOffsetCorrection_>21.5</vertOffsetCorrection_><horizOffsetCorrection_>-2.6</horizOffsetCorrection_>\
-                 <focalDistance_>1700</focalDistance_><focalSlope_>1.2</focalSlope_></px></item>\n"
+                 <focalDistance_>1700</focalDistance_><focalSlope_>1.2</focalSlope_></px></item>"
             )
             .expect("a String takes it");
         }

@@ -86,7 +86,7 @@ impl Hdl64Encoder {
     fn tail(&self, stamp: LidarTime, said: &Said) -> [u8; 6] {
         if self.generation == Generation::S1 {
             // The temperature's fraction is 0.
-            return if self.packets % 2 == 0 {
+            return if self.packets.is_multiple_of(2) {
                 [0, said.temperature_c, b'D', b'e', b'g', b'C']
             } else {
                 *b"\0\0v25c"
