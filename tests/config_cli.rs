@@ -182,6 +182,14 @@ fn an_hdl64e_needs_the_calibration_file_it_names_and_others_do_not() {
 }
 
 #[test]
+fn warnings_are_shown_unless_only_errors_are_wanted() {
+    let bench = Workbench::new();
+    bench.file("rig.toml", "[[lidar]]\ncalibration = 'no.csv'\n");
+    assert!(bench.run(&["config", "check", "rig.toml", "-q"]).stderr.contains("no.csv"));
+    assert_eq!(bench.run(&["config", "check", "rig.toml", "-qq"]).stderr, "");
+}
+
+#[test]
 fn schema_is_printed_as_committed() {
     let done = Workbench::new().run(&["config", "schema"]);
     assert_eq!((done.code, done.stdout), (0, tumbled::schema::config().text()));

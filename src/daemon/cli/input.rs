@@ -25,7 +25,7 @@ impl ConfigArgs {
     /// [`Failure::Config`] with every problem.
     pub fn load(&self) -> Result<Loaded, Failure> {
         let loaded = config::load(self.config.as_deref(), &self.settings)?;
-        loaded.warnings.iter().for_each(render::to_stderr);
+        loaded.warnings.iter().for_each(render::warning);
         Ok(loaded)
     }
 }

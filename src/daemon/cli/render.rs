@@ -44,6 +44,13 @@ pub fn to_stderr(what: &impl Tell) {
     stderr.write_all(text.as_bytes()).unwrap_or_default();
 }
 
+/// Shows a warning, unless `-qq` asks for errors alone.
+pub fn warning(what: &impl Tell) {
+    if tracing::enabled!(tracing::Level::WARN) {
+        to_stderr(what);
+    }
+}
+
 fn render(what: &impl Tell, theme: GraphicalTheme) -> String {
     // Not wrapped: a path or a list of numbers must stay whole, to be copied.
     let handler = GraphicalReportHandler::new_themed(theme).with_links(false).with_wrap_lines(false);

@@ -73,7 +73,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 fn run_json(args: &Args) -> Result<Outcome, Failure> {
     match config::load(args.file.as_deref(), &args.settings) {
         Ok(loaded) => {
-            loaded.warnings.iter().for_each(render::to_stderr);
+            loaded.warnings.iter().for_each(render::warning);
             output::json(&CheckReport::new(args, &loaded.warnings))?;
             Ok(Outcome::Fine)
         }
