@@ -1,5 +1,5 @@
 //! Arbitrary bytes into every parser of the HDL-64E: an answer or a typed error, never a panic, and no point that is no
-//! number.
+//! number. `PROPTEST_CASES` sets how many.
 
 use proptest::prelude::*;
 use tumbled_velodyne::hdl64::in_stream::{self, STREAM_LEN};
@@ -29,7 +29,7 @@ fn piece() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn texts(pieces in prop::collection::vec(piece(), 0..40)) {

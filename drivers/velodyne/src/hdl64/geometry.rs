@@ -139,6 +139,9 @@ impl Beams {
     /// at 25.04 m, the sensor's formula jumps by millimetres; ranges inside the jump get the count next to it. The point
     /// of a two-point laser lies off its ray by up to half of Dx − Dy (millimetres), as the real sensor's does.
     pub fn raw(&self, laser: u8, head_azimuth_rad: f64, range_m: f64) -> Option<u16> {
+        if range_m.is_nan() {
+            return None;
+        }
         let beam = self.beams.get(usize::from(laser))?;
         let (sin, cos) = beam.azimuth(libm::sincos(head_azimuth_rad));
         let (wx, wy) = beam.weights(sin, cos);

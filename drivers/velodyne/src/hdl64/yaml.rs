@@ -170,9 +170,19 @@ mod tests {
     #[test]
     fn flow_and_block_maps_read_alike() {
         let flow = Calibration::parse(&file(64)).expect("a full file");
-        let block = file(64).replace("- {", "  - ").replace("}\n", "\n").replace(", ", "\n    ").replace("    {a", "{a");
-        let block = block.replace("[1\n{a: 2\n", "x\n").replace("[1\n    {a: 2}]", "x");
-        assert_eq!(Calibration::parse(&block).map_err(|e| e.to_string()), Ok(flow.clone()));
+        let mut text = String::from("---\nstatus: {IP: [1, 2]}\nlasers:\n");
+        for id in 0..64 {
+            write!(
+                text,
+                "  - dist_correction: 1.238\n    dist_correction_x: 1.281\n    dist_correction_y: 1.251\n    \
+                 focal_distance: 17.0\n    focal_slope: 1.2\n    horiz_offset_correction: 0.026\n    laser_id: {id}\n    \
+                 max_intensity: 235\n    min_intensity: 40\n    rot_correction: -0.0794\n    \
+                 vert_correction: -0.10978\n    vert_offset_correction: 0.215\n"
+            )
+            .expect("a String takes it");
+        }
+        let block = Calibration::parse(&text).expect("a full file");
+        assert!(block == flow);
         let laser = flow.lasers()[63];
         let expected = LaserCalibration {
             rotation_rad: -0.0794,
