@@ -12,6 +12,7 @@ pub mod clock;
 pub mod decode;
 pub mod detect;
 pub mod encode;
+pub mod hdl64;
 pub mod models;
 pub mod points;
 pub mod position;

@@ -60,11 +60,9 @@ fn expected(pts: &[u8]) -> Vec<Expected> {
 
 #[test]
 fn every_point_of_the_first_fifty_packets_is_where_velodyne_decoder_has_it() {
-    let (Some(pcap), Some(pts), Some(csv)) = (
-        file("hdl64e_s1_600rpm_a.pcap"),
-        file("hdl64e_s1_600rpm_a.vd310.pts"),
-        file("hdl64e_calibration.csv"),
-    ) else {
+    let (Some(pcap), Some(pts), Some(csv)) =
+        (file("hdl64e_s1_600rpm_a.pcap"), file("hdl64e_s1_600rpm_a.vd310.pts"), file("hdl64e_calibration.csv"))
+    else {
         return;
     };
     let calibration = Calibration::parse(std::str::from_utf8(&csv).expect("text")).expect("the factory table");
@@ -73,7 +71,8 @@ fn every_point_of_the_first_fifty_packets_is_where_velodyne_decoder_has_it() {
     let mut points = Points::default();
     for (index, payload) in (0u16..50).zip(payloads(&pcap)) {
         points.clear();
-        let packet = decoder.decode(&DataPacket::new(payload).expect("1206 bytes"), &mut points).expect("a data packet");
+        let packet =
+            decoder.decode(&DataPacket::new(payload).expect("1206 bytes"), &mut points).expect("a data packet");
         assert_eq!((packet.generation, packet.stamped, packet.dual), (Generation::S1, false, false));
         assert!(packet.settled && !packet.uncalibrated && !packet.azimuth_jump);
         assert_eq!((packet.firings, packet.period_ns, packet.points), (12, 384_000, points.len()));
@@ -85,13 +84,17 @@ fn every_point_of_the_first_fifty_packets_is_where_velodyne_decoder_has_it() {
     let (mut range_m, mut azimuth_deg, mut dt_ns, mut height_m) = (0.0f64, 0.0f64, 0, 0.0f64);
     for (at, ((packet, found), expected)) in found.iter().zip(&expected).enumerate() {
         assert_eq!(*packet, expected.packet, "point {at}");
-        assert_eq!((found.column, found.ring, found.ret as u8), (expected.column, expected.ring, expected.ret), "point {at}");
+        assert_eq!(
+            (found.column, found.ring, found.ret as u8),
+            (expected.column, expected.ring, expected.ret),
+            "point {at}"
+        );
         assert!(found.intensity.abs_diff(expected.intensity) <= 1, "point {at}");
         let [x, y, z] = found.xyz.map(f64::from);
         let [ex, ey, ez] = expected.xyz;
         range_m = range_m.max(((x * x + y * y + z * z).sqrt() - (ex * ex + ey * ey + ez * ez).sqrt()).abs());
         height_m = height_m.max((z - ez).abs());
-        let turn = ((-y).atan2(x) - (-ey).atan2(ex) + 3.0 * PI).rem_euclid(2.0 * PI) - PI;
+        let turn = (libm::atan2(-y, x) - libm::atan2(-ey, ex) + 3.0 * PI).rem_euclid(2.0 * PI) - PI;
         azimuth_deg = azimuth_deg.max(turn.abs().to_degrees());
         dt_ns = dt_ns.max((found.dt_ns - expected.dt_ns).abs());
     }
@@ -117,7 +120,8 @@ fn the_whole_capture_is_an_s1_with_text_for_status() {
     let payloads = payloads(&pcap);
     assert_eq!(payloads.len(), 153);
     for payload in payloads {
-        let packet = decoder.decode(&DataPacket::new(payload).expect("1206 bytes"), &mut points).expect("a data packet");
+        let packet =
+            decoder.decode(&DataPacket::new(payload).expect("1206 bytes"), &mut points).expect("a data packet");
         // An S1 sends no calibration: without a file there are no points.
         assert!(packet.uncalibrated && !packet.stamped && packet.points == 0 && points.is_empty());
     }

@@ -1,6 +1,7 @@
 //! Calibration as comma-separated values: a header of names in any order, a line per laser, radians and metres.
 
-use super::calibration::{Calibration, CalibrationError, DISTANCE_UNIT_M, Field, Gathered, LaserCalibration};
+use super::calibration::{Calibration, CalibrationError, DISTANCE_UNIT_M, LaserCalibration};
+use super::field::{Field, Gathered};
 
 /// What a column holds.
 #[derive(Clone, Copy, PartialEq)]
@@ -107,7 +108,9 @@ mod tests {
         let missing = error(format!("{header}\n0,0,0,1\n"));
         assert!(missing.starts_with("laser 1 is missing"), "{missing}");
         let misspelt = error("laser_id,rot_correction,vert_corection,dist_correction\n".into());
-        assert!(misspelt.starts_with("line 1: unknown field `vert_corection`; expected one of laser_id, rot_correction"));
+        assert!(
+            misspelt.starts_with("line 1: unknown field `vert_corection`; expected one of laser_id, rot_correction")
+        );
         let without = error("laser_id,rot_correction,vert_correction\n".into());
         assert!(without.starts_with("line 1: no dist_correction"), "{without}");
     }

@@ -5,7 +5,8 @@
 //!                         points_/item/px/ id_ rotCorrection_ vertCorrection_ distCorrection_ …
 //! ```
 
-use super::calibration::{Calibration, CalibrationError, DISTANCE_UNIT_M, Field, Gathered, LASERS, LaserCalibration};
+use super::calibration::{Calibration, CalibrationError, DISTANCE_UNIT_M, LASERS, LaserCalibration};
+use super::field::{Field, Gathered};
 use roxmltree::{Document, Node};
 
 const METRES_PER_CM: f64 = 0.01;
@@ -107,7 +108,8 @@ mod tests {
     use std::fmt::Write;
 
     fn database(lasers: usize) -> String {
-        let mut text = String::from("<?xml version=\"1.0\"?>\n<boost_serialization version=\"4\"><DB class_id=\"0\">\n");
+        let mut text =
+            String::from("<?xml version=\"1.0\"?>\n<boost_serialization version=\"4\"><DB class_id=\"0\">\n");
         text += "<distLSB_>0.2</distLSB_>\n<enabled_><count>80</count><item>1</item><item>0</item></enabled_>\n";
         text += "<minIntensity_><count>80</count><item>0</item><item>40</item></minIntensity_>\n";
         text += "<maxIntensity_><count>80</count><item>255</item><item>235</item></maxIntensity_>\n";

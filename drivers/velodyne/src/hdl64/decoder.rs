@@ -178,7 +178,8 @@ impl Hdl64Decoder {
     }
 
     /// Appends the packet's points, in the order block, channel; in dual return firing, bank, channel, of two different
-    /// returns the last one first. Counts of zero are left out, nothing else is. Columns count pairs of blocks.
+    /// returns the last one first. Counts of zero and lasers that are not enabled are left out, nothing else is. Columns
+    /// count pairs of blocks, in dual return fours: S2's and S3's firings.
     ///
     /// # Errors
     /// [`WireError`] for a payload that is none; nothing was appended then, and the decoder is as before.
@@ -199,17 +200,22 @@ impl Hdl64Decoder {
         let before = points.len();
         if let Some(optics) = &self.optics {
             let turns = generation.lasers_ns().map(|after_ns| turn(after_ns, rate));
-            let single = if self.unit.is_some_and(|unit| unit.return_mode == 1) { Return::Last } else { Return::Strongest };
+            let single =
+                if self.unit.is_some_and(|unit| unit.return_mode == 1) { Return::Last } else { Return::Strongest };
             let mut firings = [None; BLOCKS];
             for ((index, firing), cdeg) in (0u8..).zip(firings.iter_mut()).zip(azimuths) {
                 let azimuth_rad = f64::from(cdeg) * RAD_PER_CDEG;
                 let at_ns = generation.block_ns(dual, stamped, index);
-                *firing = Some(Firing { column: index / 2, at_ns, azimuth_rad, head: libm::sincos(azimuth_rad) });
+                // An S1's blocks are counted in pairs like the others', though each is a firing of its own.
+                let column = if generation == Generation::S1 { index / 2 } else { generation.cycle(dual, index) };
+                *firing = Some(Firing { column, at_ns, azimuth_rad, head: libm::sincos(azimuth_rad) });
             }
             let mut blocks = packet.blocks().zip(firings.into_iter().flatten());
             if dual {
                 // Upper, lower, upper, lower of one firing: the strongest returns, then the last.
-                while let (Some(a), Some(b), Some(c), Some(d)) = (blocks.next(), blocks.next(), blocks.next(), blocks.next()) {
+                while let (Some(a), Some(b), Some(c), Some(d)) =
+                    (blocks.next(), blocks.next(), blocks.next(), blocks.next())
+                {
                     optics.dual_block(a.0, c.0, a.1, &turns, points);
                     optics.dual_block(b.0, d.0, a.1, &turns, points);
                 }

@@ -4,7 +4,9 @@
 //! [`super::Beams::raw`] of the distance it met.
 
 use super::calibration::Calibration;
-use super::in_stream::{CARRIERS, FIELDS, GROUP, GROUPS_AT, KINDS, PACKETS, START, STREAM_LEN, UNIT_AT, Unit, stream_crc};
+use super::in_stream::{
+    CARRIERS, FIELDS, GROUP, GROUPS_AT, KINDS, PACKETS, START, STREAM_LEN, UNIT_AT, Unit, stream_crc,
+};
 use super::status::Tail;
 use super::timing::Generation;
 use crate::wire::{BLOCK_LEN, BLOCKS, Bank, DATA_LEN, FLAG_LOWER, FLAG_UPPER, SLOT_LEN, SLOTS};
@@ -58,7 +60,13 @@ impl Hdl64Encoder {
 
     /// The next packet. Azimuths in 0.01° below 36 000, one per block: S2 and S3 expect them equal in pairs, in dual
     /// return in fours. An S1 has no clock: `stamp` goes nowhere.
-    pub fn encode(&mut self, stamp: LidarTime, azimuths_cdeg: &[u16; BLOCKS], slots: &Slots, said: &Said) -> [u8; DATA_LEN] {
+    pub fn encode(
+        &mut self,
+        stamp: LidarTime,
+        azimuths_cdeg: &[u16; BLOCKS],
+        slots: &Slots,
+        said: &Said,
+    ) -> [u8; DATA_LEN] {
         let mut packet = [0; DATA_LEN];
         let (blocks, tail) = packet.split_at_mut(BLOCKS * BLOCK_LEN);
         let (blocks, _) = blocks.as_chunks_mut::<BLOCK_LEN>();
@@ -143,9 +151,9 @@ pub fn stream(generation: Generation, calibration: &Calibration, unit: &Unit) ->
         bytes.extend_from_slice(&[laser.min_intensity, laser.max_intensity, 0, 0, 0, 0, 0, 0, 0]);
     }
     bytes.truncate(UNIT_AT);
-    let calibrated = unit.calibrated.map_or([0xFF; 6], |t| {
-        [(t.year - 2000).clamp(0, 255) as u8, t.month, t.day, t.hour, t.minute, t.second]
-    });
+    let calibrated = unit
+        .calibrated
+        .map_or([0xFF; 6], |t| [(t.year - 2000).clamp(0, 255) as u8, t.month, t.day, t.hour, t.minute, t.second]);
     bytes.extend_from_slice(&calibrated);
     bytes.push(unit.humidity_percent);
     bytes.extend_from_slice(&unit.rpm.to_le_bytes());

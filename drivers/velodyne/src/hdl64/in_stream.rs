@@ -15,7 +15,8 @@
 //! Bytes go to the place the packet has in the cycle of 4 160, counted by the stamps: a lost packet leaves a hole that
 //! the next cycle fills, and does not cost the whole cycle.
 
-use super::calibration::{Calibration, CalibrationError, Field, Gathered, LaserCalibration};
+use super::calibration::{Calibration, CalibrationError, LaserCalibration};
+use super::field::{Field, Gathered};
 use super::pace::Step;
 use super::status::Tail;
 use tumbled_model::CivilTime;
@@ -60,7 +61,9 @@ pub enum InStreamError {
     #[error("no `UNIT#` in {STREAM_LEN} status bytes; the sensor may not send its calibration: give a file")]
     Start,
     /// Neither the checksum nor the length at the end.
-    #[error("the status bytes end with {found:#06x}; {expected:#06x} expected: wait for the next cycle, or give a file")]
+    #[error(
+        "the status bytes end with {found:#06x}; {expected:#06x} expected: wait for the next cycle, or give a file"
+    )]
     Checksum {
         /// The last two bytes.
         found: u16,
@@ -279,7 +282,9 @@ impl Collector {
                 }
             }
         }
-        if used == Use::Carrier && let Some(slot) = self.bytes.get_mut(self.at) {
+        if used == Use::Carrier
+            && let Some(slot) = self.bytes.get_mut(self.at)
+        {
             self.filled += usize::from(slot.is_none());
             *slot = Some(value);
         }

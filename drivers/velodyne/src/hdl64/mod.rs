@@ -7,7 +7,8 @@
 //! ```
 //!
 //! * [`timing`]: the generations S1, S2, S3 and when their lasers fire;
-//! * [`calibration`]: the 64 lasers; its formats are in `csv`, `db_xml` and `yaml`;
+//! * [`calibration`]: the 64 lasers; its formats are in `csv`, `db_xml` and `yaml`,
+//!   the numbers they name in `field`;
 //! * [`geometry`]: count to point and back, two-point correction, intensity;
 //! * [`status`], [`in_stream`], [`pace`]: what the last six bytes of the packets add up to;
 //! * [`decoder`] and [`encode`].
@@ -17,6 +18,7 @@ mod csv;
 mod db_xml;
 pub mod decoder;
 pub mod encode;
+mod field;
 pub mod geometry;
 pub mod in_stream;
 pub mod pace;

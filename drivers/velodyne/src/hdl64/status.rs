@@ -195,7 +195,10 @@ mod tests {
         assert_eq!(status.firmware, Some(Firmware::Number(227)));
         // 0x61 = bits 0, 5, 6.
         let w = status.warnings.expect("W was said");
-        assert_eq!([w.lens_contaminated(), w.too_hot(), w.too_cold(), w.pps(), w.gps_time()], [true, false, false, true, true]);
+        assert_eq!(
+            [w.lens_contaminated(), w.too_hot(), w.too_cold(), w.pps(), w.gps_time()],
+            [true, false, false, true, true]
+        );
     }
 
     #[test]

@@ -2,7 +2,8 @@
 //!
 //! Read from the parser's events, without building a tree: depth costs no stack, and every error has its line.
 
-use super::calibration::{Calibration, CalibrationError, DISTANCE_UNIT_M, Field, Gathered, LASERS, LaserCalibration};
+use super::calibration::{Calibration, CalibrationError, DISTANCE_UNIT_M, LASERS, LaserCalibration};
+use super::field::{Field, Gathered};
 use saphyr_parser::{Event, Parser, StrInput};
 
 struct Events<'a> {
@@ -118,10 +119,8 @@ fn laser(events: &mut Events<'_>, gathered: &mut Gathered) -> Result<(), Calibra
                     _ => return Err(events.unexpected("true or false was expected")),
                 },
                 name => {
-                    let field = Field::named(name).ok_or_else(|| CalibrationError::UnknownField {
-                        line: events.line,
-                        found: name.to_owned(),
-                    })?;
+                    let field = Field::named(name)
+                        .ok_or_else(|| CalibrationError::UnknownField { line: events.line, found: name.to_owned() })?;
                     let value = events.number(field.name())?;
                     if let Some(slot) = values.get_mut(field as usize) {
                         *slot = Some(value);
