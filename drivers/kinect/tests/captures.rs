@@ -255,7 +255,7 @@ fn points_of_real_surfaces_at_two_metres_lie_on_their_planes_within_the_noise_mo
         "{} patches at 1.8 to 2.2 m: {plane:.2} mm about planes, {quadratic:.2} mm about quadratics, model {model:.2} mm",
         near_two_metres.len()
     );
-    // The table measured on other frames of the sequence says 5.3 mm at 2 m (a quadratic removed, smooth patches chosen);
+    // The table measured on chosen smooth patches of this sequence says 5.3 mm at 2 m (a quadratic removed);
     // Khoshelham & Elberink 5.7, Nguyen et al. 6.1. Planes leave what a surface and the device's own warp curve over 9 cm.
     assert!((model - 5.3).abs() < 0.15, "{model} mm");
     assert!((quadratic / 5.3 - 1.0).abs() < 0.12, "{quadratic} mm about quadratics");
