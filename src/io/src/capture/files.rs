@@ -38,6 +38,7 @@ pub(crate) enum PartKind {
 }
 
 pub(crate) const PNG_MAGIC: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
+pub(crate) const MCAP_MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 
 pub(crate) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> CaptureError {
@@ -127,7 +128,7 @@ pub(crate) fn part_kind(path: &Path) -> Result<PartKind, CaptureError> {
 }
 
 fn part_kind_of(head: &[u8]) -> Option<PartKind> {
-    if head.starts_with(mcap::MAGIC) {
+    if head.starts_with(&MCAP_MAGIC) {
         Some(PartKind::Mcap)
     } else if head.starts_with(SQLITE_MAGIC) {
         Some(PartKind::Sqlite)

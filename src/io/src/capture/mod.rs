@@ -18,6 +18,7 @@ mod depth_png;
 mod error;
 mod fakenect;
 mod files;
+mod mcap_records;
 mod merge;
 mod packets;
 mod pcap;

@@ -107,8 +107,6 @@ pub struct TopicTraffic {
 pub enum Place {
     /// Offset in bytes of the record that cannot be read.
     Byte(u64),
-    /// Bytes read when the damage showed; the damaged record starts before.
-    NearByte(u64),
     /// The last row (table `messages`) that could be read.
     AfterRow(i64),
 }
@@ -129,7 +127,6 @@ impl fmt::Display for BrokenOff {
         write!(f, "{} is readable only up to ", self.path.display())?;
         match self.place {
             Place::Byte(offset) => write!(f, "byte {offset}")?,
-            Place::NearByte(offset) => write!(f, "about byte {offset}")?,
             Place::AfterRow(row) => write!(f, "row {row}")?,
         }
         write!(f, ": {}", self.detail)

@@ -218,11 +218,52 @@ fn an_interrupted_mcap_gives_what_it_has_and_says_where_it_ends() {
     assert!((4..12).contains(&records.len()) && records.len() % 4 == 0, "{}", records.len());
     assert_eq!(summary.broken_off.len(), 1);
     let place = summary.broken_off[0].place;
-    assert!(matches!(place, Place::NearByte(offset) if offset <= whole.len() as u64 / 2), "{place:?}");
+    assert!(matches!(place, Place::Byte(offset) if offset <= whole.len() as u64 / 2), "{place:?}");
+    // Cut at the end record: all is there, and that the recording was interrupted is said.
+    let data_end = whole.windows(9).rposition(|w| w == [0x0f, 4, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+    fs::write(&path, &whole[..data_end]).unwrap();
+    let (records, summary) = read_all(&path);
+    assert_eq!(records.len(), 12);
+    assert_eq!(summary.broken_off[0].place, Place::Byte(data_end as u64));
     // Cut before any chunk: nothing usable, and the message says that the file ends early.
     fs::write(&path, &whole[..60]).unwrap();
     let message = open_default(&path).err().unwrap().to_string();
     assert!(message.contains("no topics; ") && message.contains("readable only up to"), "{message}");
+}
+
+#[test]
+fn a_chunk_that_fails_its_checksum_is_said_to_be_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.mcap");
+    let mut content = mcap_bag(None, &[("/points", SCAN, 0, scan_message(false, &[(1, 0, 0xa5)]))]);
+    let payload = content.windows(4).position(|w| w == [0xa5; 4]).unwrap();
+    content[payload + 600] ^= 1;
+    fs::write(&path, content).unwrap();
+    let (_, summary) = read_all(&path);
+    assert!(summary.broken_off[0].detail.contains("checksum"), "{:?}", summary.broken_off);
+}
+
+#[test]
+fn sizes_that_an_mcap_merely_claims_are_not_reserved() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.mcap");
+    let record = |opcode: u8, length: u64, content: &[u8]| [&[opcode][..], &length.to_le_bytes(), content].concat();
+    let chunk = |size: u64, records: u64| {
+        [&[0; 16][..], &size.to_le_bytes(), &[0; 4], &[0; 4], &records.to_le_bytes(), &[5; 30]].concat()
+    };
+    for (content, detail) in [
+        (record(5, 1 << 40, &[0; 30]), "claims 1099511627776 bytes"),
+        (record(6, 70, &chunk(1 << 40, 30)), "claims to unpack to 1099511627776 bytes"),
+        (record(6, 70, &chunk(30, 1 << 40)), "claims 1099511627776 bytes of records, but has 30"),
+        (record(6, 70, &chunk(30, 30)), "a record claims 361700864190383365 bytes"),
+        (record(200, 1 << 40, &[0; 30]), "the file ends within a record of 1099511627776 bytes"),
+        // A schema whose name claims 4 GiB is passed over; the file then lacks its end.
+        (record(3, 6, &[1, 0, 0xff, 0xff, 0xff, 0xff]), "without its end record"),
+    ] {
+        fs::write(&path, [mcap::MAGIC, &content].concat()).unwrap();
+        let message = open_default(&path).err().unwrap().to_string();
+        assert!(message.contains(detail), "{message}");
+    }
 }
 
 #[test]
