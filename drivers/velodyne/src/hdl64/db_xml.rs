@@ -7,7 +7,7 @@
 
 use super::calibration::{Calibration, CalibrationError, DISTANCE_UNIT_M, LASERS, LaserCalibration};
 use super::field::{Field, Gathered};
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, ParsingOptions};
 
 const METRES_PER_CM: f64 = 0.01;
 
@@ -29,7 +29,9 @@ const ELEMENTS: [(&str, Field, f64); 9] = {
 
 /// Reads the lasers with ids below 64; Velodyne's files have room for more, unused.
 pub(super) fn parse(text: &str) -> Result<Calibration, CalibrationError> {
-    let document = Document::parse(text)?;
+    // Boost writes a DOCTYPE. Entities it has none, and a file that declares some could grow without bound.
+    let allow_dtd = !text.contains("<!ENTITY");
+    let document = Document::parse_with_options(text, ParsingOptions { allow_dtd, ..ParsingOptions::default() })?;
     let points = named(&document, "points_").ok_or(CalibrationError::Unrecognised)?;
     let min = list(&document, "minIntensity_", 0.0)?;
     let max = list(&document, "maxIntensity_", 255.0)?;
@@ -108,8 +110,9 @@ mod tests {
     use std::fmt::Write;
 
     fn database(lasers: usize) -> String {
-        let mut text =
-            String::from("<?xml version=\"1.0\"?>\n<boost_serialization version=\"4\"><DB class_id=\"0\">\n");
+        let mut text = String::from(
+            "<?xml version=\"1.0\"?><!DOCTYPE boost_serialization>\n<boost_serialization version=\"4\"><DB class_id=\"0\">\n",
+        );
         text += "<distLSB_>0.2</distLSB_>\n<enabled_><count>80</count><item>1</item><item>0</item></enabled_>\n";
         text += "<minIntensity_><count>80</count><item>0</item><item>40</item></minIntensity_>\n";
         text += "<maxIntensity_><count>80</count><item>255</item><item>235</item></maxIntensity_>\n";
@@ -157,6 +160,8 @@ mod tests {
         assert_eq!(error(&broken), "line 8: vertCorrection_ is `low`, a number was expected");
         let without = database(64).replacen("<rotCorrection_>-4.5</rotCorrection_>", "", 1);
         assert!(error(&without).starts_with("line 8: no rot_correction"), "{}", error(&without));
+        let entity = "<!DOCTYPE a [<!ENTITY b \"1\">]><a>&b;</a>";
+        assert!(error(entity).starts_with("db.xml is not well-formed: XML with DTD"), "{}", error(entity));
         assert!(error("<a><b></a>").starts_with("db.xml is not well-formed"));
         assert_eq!(Calibration::parse("<a/>"), Err(CalibrationError::Unrecognised));
     }

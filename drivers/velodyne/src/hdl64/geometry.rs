@@ -195,8 +195,8 @@ impl Brightness {
     pub fn correct(&self, intensity: u8, raw: u16) -> u8 {
         let far = 1.0 - f64::from(raw) / 65535.0;
         let corrected = f64::from(intensity) + self.gain * (self.focus - far * far).abs();
-        // Minimum ≤ maximum is the calibration's promise; both lie in 0..=255, so the cast is exact.
-        libm::round(corrected.max(self.min).min(self.max)) as u8
+        // Minimum ≤ maximum is the calibration's promise; both lie in 0..=255, so adding a half rounds.
+        (corrected.max(self.min).min(self.max) + 0.5) as u8
     }
 }
 

@@ -7,7 +7,7 @@
 //! As text (S1, early S2): a u16, then four characters: `DegC` (the u16 is a temperature) or `V` and three more
 //! (firmware; the u16 counts turns). In a real S1 capture the two alternate.
 
-use tumbled_model::CivilTime;
+use tumbled_model::{CivilTime, UnixNs};
 
 /// What six bytes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,6 +117,11 @@ impl Status {
     /// Date and time of day by the sensor's clock, whole seconds. From six packets in a row, so one second old at most.
     pub fn date_time(&self) -> Option<CivilTime> {
         self.date_time
+    }
+
+    /// [`Self::date_time`] when the GPS status says that a receiver vouches for it (`A`).
+    pub fn gps_time(&self) -> Option<UnixNs> {
+        if self.gps == Some(b'A') { self.date_time.and_then(CivilTime::to_unix) } else { None }
     }
 
     /// Takes in the tail of the next packet and says what it was.
