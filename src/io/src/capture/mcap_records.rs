@@ -47,7 +47,7 @@ pub(crate) struct McapRecords {
 
 /// A chunk being read. Its records are unpacked one by one: only the compressed bytes are held.
 struct Chunk {
-    records: Checked<Box<dyn Read>>,
+    records: Checked<Box<dyn Read + Send>>,
     /// Of the unpacked records; 0: not given.
     crc: u32,
     offset: u64,
@@ -177,7 +177,7 @@ impl Chunk {
         let mut packed = Cursor::new(content);
         packed.set_position(start as u64);
         let packed = packed.take(compressed_size);
-        let unpacked: Box<dyn Read> = match compression.as_str() {
+        let unpacked: Box<dyn Read + Send> = match compression.as_str() {
             "" => Box::new(packed),
             "lz4" => Box::new(lz4::Decoder::new(packed).map_err(|error| error.to_string())?),
             "zstd" => {
@@ -187,7 +187,7 @@ impl Chunk {
             }
             other => return Err(format!("a chunk is compressed with {other:?}, expected zstd, lz4 or nothing")),
         };
-        let records: Box<dyn Read> = Box::new(unpacked.take(size));
+        let records: Box<dyn Read + Send> = Box::new(unpacked.take(size));
         Ok(Self { records: Checked { inner: records, hasher: crc32fast::Hasher::new() }, crc, offset, cut })
     }
 

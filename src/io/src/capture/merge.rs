@@ -12,12 +12,14 @@ use tumbled_model::{Event, RigNs, UnixNs};
 ///   as that one is out; `arrived` then steps back, as the file does. Of equal stamps the input named first goes first.
 /// * The same inputs in the same order give the same events.
 /// * An error ends its own input only; the others go on.
+#[derive(Debug)]
 pub struct Merged {
     inputs: Vec<Input>,
     epoch: Option<UnixNs>,
     next_seq: u64,
 }
 
+#[derive(Debug)]
 struct Input {
     capture: Capture,
     head: Option<Result<CaptureRecord, CaptureError>>,

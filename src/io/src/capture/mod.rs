@@ -42,6 +42,7 @@ pub use summary::{
     TopicTraffic,
 };
 
+use core::fmt;
 use files::Sniffed;
 use std::path::{Path, PathBuf};
 use tumbled_model::{Body, UnixNs};
@@ -61,7 +62,7 @@ pub struct CaptureRecord {
 }
 
 /// What reads one kind of capture.
-pub(crate) trait RecordSource {
+pub(crate) trait RecordSource: Send {
     /// The next record in file order, `None` at the end; what is left out is counted in `summary`.
     fn next_record(&mut self, summary: &mut CaptureSummary) -> Option<Result<CaptureRecord, CaptureError>>;
 
@@ -144,6 +145,12 @@ impl Capture {
         }
         let again = open(&self.path, &self.routing)?;
         Ok(again.map_while(Result::ok).map(|record| record.host).min())
+    }
+}
+
+impl fmt::Debug for Capture {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Capture").field("path", &self.path).field("summary", &self.summary).finish_non_exhaustive()
     }
 }
 

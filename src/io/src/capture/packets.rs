@@ -39,7 +39,7 @@ impl From<std::io::Error> for FramingError {
 }
 
 /// A file format that holds packets one after the other.
-pub(crate) trait Framing {
+pub(crate) trait Framing: Send {
     /// Reads the next packet's bytes into `frame`; `None` at a clean end of the file.
     fn next_packet(&mut self, frame: &mut Vec<u8>) -> Result<Option<PacketHead>, FramingError>;
 }

@@ -35,6 +35,11 @@ enum MessageKind {
 }
 
 impl Topic {
+    /// Stands for the topic of messages whose topic the bag does not declare: they are counted under this name.
+    pub(crate) fn undeclared() -> Self {
+        Self { name: "(undeclared)".to_owned(), type_name: String::new(), serialisation: String::new() }
+    }
+
     fn kind(&self) -> MessageKind {
         match (self.serialisation.as_str(), self.type_name.as_str()) {
             ("cdr", "velodyne_msgs/msg/VelodyneScan" | "velodyne_msgs/VelodyneScan") => MessageKind::Scan,
@@ -60,7 +65,7 @@ pub(crate) enum StreamError {
 }
 
 /// A bag file's messages in file order.
-pub(crate) trait Messages {
+pub(crate) trait Messages: Send {
     fn next_message(&mut self) -> Result<Option<Message>, StreamError>;
     /// The topics declared so far, with or without messages.
     fn topics(&self) -> Vec<Arc<Topic>>;

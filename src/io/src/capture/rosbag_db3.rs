@@ -19,13 +19,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tumbled_model::UnixNs;
 
-/// A row at a time by its id: the statement is cached, and no cursor has to outlive this call.
-const NEXT_MESSAGE: &str = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ?1 ORDER BY id LIMIT 1";
+/// A row at a time by its rowid, which in a bag is the id and in any table is found without a search: the statement
+/// is cached, and no cursor has to outlive this call.
+const NEXT_MESSAGE: &str =
+    "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ?1 ORDER BY rowid LIMIT 1";
 
 pub(crate) struct Db3Messages {
     path: PathBuf,
     connection: Connection,
     topics: BTreeMap<i64, Arc<Topic>>,
+    undeclared: Arc<Topic>,
     last_row: i64,
     finished: bool,
 }
@@ -46,15 +49,23 @@ impl Db3Messages {
         let topics = read_topics(&connection).map_err(database)?;
         // Also refuses a table without the columns.
         connection.prepare_cached(NEXT_MESSAGE).map_err(database)?;
-        Ok(Self { path: path.to_owned(), connection, topics, last_row: i64::MIN, finished: false })
+        Ok(Self {
+            path: path.to_owned(),
+            connection,
+            topics,
+            undeclared: Arc::new(Topic::undeclared()),
+            last_row: i64::MIN,
+            finished: false,
+        })
     }
 
     fn row(&self) -> rusqlite::Result<Option<Row>> {
         let mut statement = self.connection.prepare_cached(NEXT_MESSAGE)?;
         let row = |row: &rusqlite::Row<'_>| {
             let data = match row.get_ref(3)? {
-                ValueRef::Blob(data) => Some(Bytes::copy_from_slice(data)),
-                _ => None,
+                ValueRef::Blob(data) => Bytes::copy_from_slice(data),
+                // No message is empty: whoever has this topic will find it faulty.
+                _ => Bytes::new(),
             };
             Ok(Row { id: row.get(0)?, topic: row.get(1)?, timestamp: row.get(2)?, data })
         };
@@ -71,7 +82,7 @@ struct Row {
     id: i64,
     topic: i64,
     timestamp: i64,
-    data: Option<Bytes>,
+    data: Bytes,
 }
 
 /// `immutable` unless a write-ahead log holds more: then neither locks nor side files are needed, and a bag on a
@@ -113,25 +124,21 @@ fn read_topics(connection: &Connection) -> rusqlite::Result<BTreeMap<i64, Arc<To
 
 impl Messages for Db3Messages {
     fn next_message(&mut self) -> Result<Option<Message>, StreamError> {
-        loop {
-            if self.finished {
-                return Ok(None);
-            }
-            let row = match self.row() {
-                Ok(Some(row)) => row,
-                Ok(None) => return Ok(None),
-                Err(error) => return Err(self.broken(error.to_string())),
-            };
-            // A damaged tree must not send the reader in a circle.
-            if row.id <= self.last_row {
-                return Err(self.broken(format!("row {} comes after row {}", row.id, self.last_row)));
-            }
-            self.last_row = row.id;
-            let (Some(topic), Some(data)) = (self.topics.get(&row.topic), row.data) else {
-                continue;
-            };
-            return Ok(Some(Message { topic: topic.clone(), received: UnixNs(row.timestamp.max(0)), data }));
+        if self.finished {
+            return Ok(None);
         }
+        let row = match self.row() {
+            Ok(Some(row)) => row,
+            Ok(None) => return Ok(None),
+            Err(error) => return Err(self.broken(error.to_string())),
+        };
+        // A damaged tree must not send the reader in a circle.
+        if row.id <= self.last_row {
+            return Err(self.broken(format!("row {} comes after row {}", row.id, self.last_row)));
+        }
+        self.last_row = row.id;
+        let topic = self.topics.get(&row.topic).unwrap_or(&self.undeclared).clone();
+        Ok(Some(Message { topic, received: UnixNs(row.timestamp.max(0)), data: row.data }))
     }
 
     fn topics(&self) -> Vec<Arc<Topic>> {

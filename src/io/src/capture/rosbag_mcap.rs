@@ -17,12 +17,19 @@ pub(crate) struct McapMessages {
     /// Names of message types.
     schemas: BTreeMap<u16, String>,
     channels: BTreeMap<u16, Arc<Topic>>,
+    undeclared: Arc<Topic>,
 }
 
 impl McapMessages {
     pub(crate) fn open(path: &Path) -> Result<Self, CaptureError> {
         let records = McapRecords::open(path)?;
-        Ok(Self { path: path.to_owned(), records, schemas: BTreeMap::new(), channels: BTreeMap::new() })
+        Ok(Self {
+            path: path.to_owned(),
+            records,
+            schemas: BTreeMap::new(),
+            channels: BTreeMap::new(),
+            undeclared: Arc::new(Topic::undeclared()),
+        })
     }
 }
 
@@ -42,13 +49,13 @@ fn channel(content: &[u8], schemas: &BTreeMap<u16, String>) -> Option<(u16, Topi
 }
 
 /// Message: channel id u16, sequence u32, log time u64, publish time u64, data.
-fn message(content: &[u8], channels: &BTreeMap<u16, Arc<Topic>>) -> Option<Message> {
+fn message(content: &[u8], channels: &BTreeMap<u16, Arc<Topic>>, undeclared: &Arc<Topic>) -> Option<Message> {
     let mut fields = Fields(content);
     let channel_id = fields.u16()?;
     fields.u32()?;
     let log_time = fields.u64()?;
     fields.u64()?;
-    let topic = channels.get(&channel_id)?.clone();
+    let topic = channels.get(&channel_id).unwrap_or(undeclared).clone();
     let received = UnixNs(i64::try_from(log_time).unwrap_or(i64::MAX));
     Some(Message { topic, received, data: Bytes::copy_from_slice(fields.0) })
 }
@@ -79,7 +86,7 @@ impl Messages for McapMessages {
                     }
                 }
                 (MESSAGE, content) => {
-                    if let Some(message) = message(content, &self.channels) {
+                    if let Some(message) = message(content, &self.channels, &self.undeclared) {
                         return Ok(Some(message));
                     }
                 }

@@ -267,6 +267,21 @@ fn sizes_that_an_mcap_merely_claims_are_not_reserved() {
 }
 
 #[test]
+fn messages_of_no_declared_topic_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.db3");
+    db3_bag(&path, &[("/points", SCAN, 0, scan_message(false, &[(1, 0, 1)]))]);
+    let connection = Connection::open(&path).unwrap();
+    connection.execute_batch("INSERT INTO messages (topic_id, timestamp, data) VALUES (99, 0, x'00');").unwrap();
+    connection.execute_batch("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, 5, 'text');").unwrap();
+    drop(connection);
+    let (records, summary) = read_all(&path);
+    assert_eq!(records, [lidar(1_000_000_000, "front", &[1; 1206]), lost(5, "front")]);
+    assert_eq!(summary.unused_topics["(undeclared)"].messages, 1);
+    assert!(matches!(summary.unused_topics["/points"].first_fault, Some(MessageFault::EndsEarly { .. })));
+}
+
+#[test]
 fn sqlite_files_that_are_no_bags_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.db3");

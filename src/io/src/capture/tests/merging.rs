@@ -72,6 +72,13 @@ fn time_zero_is_the_earliest_stamp_even_where_a_file_steps_back() {
 }
 
 #[test]
+fn captures_and_merged_inputs_can_move_to_another_thread() {
+    fn assert_send<T: Send>() {}
+    assert_send::<Capture>();
+    assert_send::<super::super::Merged>();
+}
+
+#[test]
 fn nothing_has_no_epoch_and_no_events() {
     let folder = tempfile::tempdir().unwrap();
     let empty = pcap(folder.path(), "a", 2368, &[]);
