@@ -35,6 +35,7 @@ pub fn config() -> Published {
 pub fn outputs() -> Vec<Published> {
     vec![
         Published { file: "docs/schema/config-check.schema.json", schema: schema_for!(CheckReport) },
+        Published { file: "docs/schema/export.schema.json", schema: schema_for!(crate::cli::export::Report) },
         Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },
     ]
 }

@@ -30,7 +30,11 @@ fn packets(model: Model, mode: ReturnMode, share: u32) -> Vec<[u8; 1206]> {
                 let group = k * groups + block / mode.blocks_per_firing();
                 let slots = core::array::from_fn(|_| {
                     draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                    if (draw >> 8) % 100 < share { (500 + (draw >> 16) as u16 % 5_000, (draw >> 20) as u8) } else { (0, 0) }
+                    if (draw >> 8) % 100 < share {
+                        (500 + (draw >> 16) as u16 % 5_000, (draw >> 20) as u8)
+                    } else {
+                        (0, 0)
+                    }
                 });
                 builder.block(block, (group * 20 % 36_000) as u16, &slots);
             }

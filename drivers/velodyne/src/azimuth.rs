@@ -1,7 +1,7 @@
 //! From the block azimuths of one packet to how far the head turns during each block.
 //!
-//! The encoder is read once a block and quantised to 0.01°; between two readings the head turns evenly ([M16],
-//! [M32] 9.5). Two things break that rule: the wrap at 360°, and the jump of a sensor with a limited field of view,
+//! The encoder is read once a block and quantised to 0.01°; between two readings the head turns evenly (M16,
+//! M32 9.5). Two things break that rule: the wrap at 360°, and the jump of a sensor with a limited field of view,
 //! which goes silent inside a packet and goes on half a turn later.
 
 use crate::wire::{BLOCKS, TURN_CDEG};
@@ -16,7 +16,7 @@ const JITTER_CDEG: i32 = 50;
 const MIN_JUMP_CDEG: i32 = 50;
 
 /// The forward step from one azimuth to the next, 0.01°, −50..36000−50.
-pub(crate) fn forward_cdeg(from: u16, to: u16) -> i32 {
+pub fn forward_cdeg(from: u16, to: u16) -> i32 {
     let step = (i32::from(to) - i32::from(from)).rem_euclid(TURN);
     if step >= TURN - JITTER_CDEG { step - TURN } else { step }
 }
@@ -48,7 +48,7 @@ pub struct Turning {
 impl Turning {
     /// Measures the turning in a packet whose consecutive firing groups are `blocks_per_group` blocks.
     ///
-    /// The last group has no successor in the packet: it takes the previous gap ([M16], [M32] 9.5). A gap wider
+    /// The last group has no successor in the packet: it takes the previous gap (M16, M32 9.5). A gap wider
     /// than 1.5 × the median is a jump and takes the median.
     pub fn measure(azimuth_cdeg: &[u16; BLOCKS], blocks_per_group: usize) -> Self {
         let mut base_cdeg = [0; BLOCKS];

@@ -74,6 +74,15 @@ impl UtcClock {
         }
     }
 
+    /// Takes note of a time that the sensor itself vouches for as a GPS receiver's (HDL-64E S2 and S3 send it with their
+    /// status): UTC in whole seconds near `stamp`.
+    pub fn update_utc(&mut self, stamp: LidarTime, utc: UnixNs) {
+        let absolute = resolve_hour(stamp, utc);
+        let agrees = (absolute - utc).0.abs() <= SENTENCE_LAG_NS;
+        self.reference = agrees.then_some(absolute);
+        self.state = if agrees { UtcState::Locked } else { UtcState::Contradicted };
+    }
+
     /// The newest pulse state; `None` before any position packet.
     pub fn pps(&self) -> Option<Pps> {
         self.pps

@@ -1,6 +1,6 @@
 //! One packet of a model with built-in geometry to points.
 //!
-//! For the slot of laser c in block b (the manuals' formula, [M16] and [M32] chapter 9):
+//! For the slot of laser c in block b (the manuals' formula, M16 and M32 chapter 9):
 //!
 //! ```text
 //!   a = azimuth[b] + gap[b]·t(c)/T_block + offset(c)         clockwise from above
@@ -200,7 +200,7 @@ fn emit(
 
 /// Appends the slots of a dual-return pair: the last return, then the other one; one point where they are the same.
 ///
-/// The sensor sends one return twice when there is only one ([M16] 9.2); distance and reflectivity are then equal.
+/// The sensor sends one return twice when there is only one (M16 9.2); distance and reflectivity are then equal.
 #[inline]
 fn emit_dual(
     beams: &BeamTable,

@@ -1,7 +1,7 @@
 //! The sensors: what is built into each model, from its manual.
 //!
-//! Sources: [M16] VLP-16 manual 63-9243 Rev D/E; [M32] VLP-32C manual 63-9325 Rev B/C; [H32] HDL-32E manual;
-//! [H64] HDL-64E S2 manual; [cap] checked on real captures (see `docs/velodyne.md`).
+//! Sources: M16 = VLP-16 manual 63-9243 Rev D/E; M32 = VLP-32C manual 63-9325 Rev B/C; H32 = HDL-32E manual;
+//! H64 = HDL-64E S2 manual; (captures) = checked on real captures (see `docs/velodyne.md`).
 
 use serde::{Deserialize, Serialize};
 
@@ -73,8 +73,8 @@ impl Model {
 
     /// Smallest and largest distance that is a measurement and not an artefact, metres.
     ///
-    /// Maxima: data sheets. Minima: 0.4 m for the Pucks (real VLP-32C points at 0.71 m are good [cap], the
-    /// manual's 1 m is a specification of accuracy), 0.9 m for the HDLs [H64].
+    /// Maxima: data sheets. Minima: 0.4 m for the Pucks (real VLP-32C points at 0.71 m are good (captures), the
+    /// manual's 1 m is a specification of accuracy), 0.9 m for the HDLs H64.
     pub const fn range_limits_m(self) -> (f32, f32) {
         match self {
             Self::Vlp32c => (0.4, 200.0),
@@ -84,17 +84,27 @@ impl Model {
         }
     }
 
-    /// What `vertical_offsets = "auto"` means for this model: whether z includes the height at which each beam leaves the lens.
+    /// What `vertical_offsets = "auto"` means for this model: whether z includes the height −f·tan(elevation) at which
+    /// each beam leaves the lens.
     ///
-    /// On where the maker publishes it [M16] or the captures show it; see the evidence in `docs/velodyne.md`.
+    /// | model | auto | because |
+    /// |---|---|---|
+    /// | VLP-16 | on | the manual lists the heights M16 |
+    /// | Puck Hi-Res | on | the same sensor with other elevations |
+    /// | VLP-32C | on | an indoor floor wants them: scale +1.31 ± 0.40 (0 off, 1 on), +0.91 ± 0.55 if all lasers may share errors of range and elevation (captures) |
+    /// | HDL-32E | off | no manual has them, and a road decides nothing: scale −0.17 ± 0.81 (captures) |
+    /// | HDL-64E | off | its calibration has offsets of its own |
+    ///
+    /// The evidence for the VLP-32C is moderate and conditional; `docs/velodyne.md` has the tables and their limits,
+    /// `examples/vertical_offsets` computes them.
     pub const fn vertical_offsets_default(self) -> bool {
         match self {
-            Self::Vlp16 | Self::Vlp16HiRes | Self::Hdl32e => true,
-            Self::Vlp32c | Self::Hdl64e => false,
+            Self::Vlp32c | Self::Vlp16 | Self::Vlp16HiRes => true,
+            Self::Hdl32e | Self::Hdl64e => false,
         }
     }
 
-    /// Where the height −f·tan(elevation) of the beams comes from.
+    /// The number of lasers.
     pub const fn lasers(self) -> usize {
         match self.spec() {
             Some(spec) => spec.elevation_deg.len(),
@@ -121,7 +131,7 @@ pub enum Product {
 }
 
 impl Product {
-    /// What a product byte says ([M16] and [M32] table of product ids; 0xA1 [cap]).
+    /// What a product byte says (M16 and M32 table of product ids; 0xA1 (captures)).
     ///
     /// A VLP-16 with firmware before 3.0.29 says 0x21, HDL-32E: see [`crate::detect`].
     pub const fn from_byte(byte: u8) -> Self {
@@ -202,7 +212,7 @@ impl core::fmt::Display for ReturnMode {
 
 const NO_OFFSETS: [f64; 32] = [0.0; 32];
 
-/// [M32] table 9-5; the sign of the azimuth offsets checked by correlating neighbouring lasers' profiles [cap].
+/// M32 table 9-5; the sign of the azimuth offsets checked by correlating neighbouring lasers' profiles (captures).
 const VLP32C: ModelSpec = ModelSpec {
     distance_lsb_m: 0.004,
     cycle_ns: 55_296,
@@ -223,7 +233,7 @@ const VLP32C: ModelSpec = ModelSpec {
     focal_mm: 42.4,
 };
 
-/// [M16] chapter 9: one laser every 2.304 µs, two sequences a block.
+/// M16 chapter 9: one laser every 2.304 µs, two sequences a block.
 const VLP16: ModelSpec = ModelSpec {
     distance_lsb_m: 0.002,
     cycle_ns: 55_296,
@@ -241,7 +251,7 @@ const VLP16_HI_RES: ModelSpec = ModelSpec {
     ..VLP16
 };
 
-/// [H32]: 32 × 1.152 µs + 9.216 µs recharge.
+/// H32: 32 × 1.152 µs + 9.216 µs recharge.
 const HDL32E: ModelSpec = ModelSpec {
     distance_lsb_m: 0.002,
     cycle_ns: 46_080,
@@ -288,7 +298,7 @@ mod tests {
 
     #[test]
     fn vlp16_focal_length_gives_the_manuals_vertical_offsets() {
-        // [M16] lists mm per laser; f = 41.91 mm must reproduce each to its last digit (0.05 mm) and rounding of f.
+        // M16 lists mm per laser; f = 41.91 mm must reproduce each to its last digit (0.05 mm) and rounding of f.
         let manual = [11.2, -0.7, 9.7, -2.2, 8.1, -3.7, 6.6, -5.1, 5.1, -6.6, 3.7, -8.1, 2.2, -9.7, 0.7, -11.2];
         for (laser, (mm, elevation)) in manual.iter().zip(VLP16.elevation_deg).enumerate() {
             let height = -VLP16.focal_mm * libm::tan(elevation.to_radians());

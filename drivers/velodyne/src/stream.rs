@@ -11,6 +11,7 @@ use crate::beams::BeamTable;
 use crate::clock::UtcClock;
 use crate::decode::{Timing, decode_packet};
 use crate::detect::{PeriodCheck, PeriodMismatch, claimed_product, packet_period_ns};
+use crate::hdl64::{self, Hdl64Decoder};
 use crate::models::{Model, Product, ReturnMode};
 use crate::points::Points;
 use crate::position::PositionPacket;
@@ -39,6 +40,8 @@ pub struct Settings {
     pub vertical_offsets: Option<bool>,
     /// HDL-32E only.
     pub hdl32e_stamp: StampReference,
+    /// HDL-64E only: the factory calibration; S2 and S3 send their own when it is `None`.
+    pub hdl64e_calibration: Option<hdl64::Calibration>,
     /// Points nearer or farther than this (metres) are left out and counted; `None` keeps all that have a distance.
     pub range_limits_m: Option<(f32, f32)>,
 }
@@ -145,6 +148,7 @@ pub struct StreamDecoder {
     settings: Settings,
     model: Option<Model>,
     beams: Option<BeamTable>,
+    hdl64: Option<Hdl64Decoder>,
     tracker: PacketTracker,
     period: PeriodCheck,
     clock: UtcClock,
@@ -171,6 +175,7 @@ impl StreamDecoder {
             settings,
             model: None,
             beams: None,
+            hdl64: None,
             tracker: PacketTracker::default(),
             period: PeriodCheck::default(),
             clock: UtcClock::default(),
@@ -228,6 +233,11 @@ impl StreamDecoder {
         &self.clock
     }
 
+    /// HDL-64E: generation, calibration, status.
+    pub fn hdl64(&self) -> Option<&Hdl64Decoder> {
+        self.hdl64.as_ref()
+    }
+
     /// A packet period that does not fit the model.
     pub fn period_mismatch(&self) -> Option<PeriodMismatch> {
         self.period.mismatch()
@@ -244,7 +254,7 @@ impl StreamDecoder {
     fn push_data(&mut self, payload: &[u8], arrived: RigNs, out: &mut Decoded) -> Result<(), Rejection> {
         let packet = DataPacket::new(payload)?;
         match self.accept_model(&packet)? {
-            Model::Hdl64e => Err(Rejection::Uncalibrated),
+            Model::Hdl64e => self.push_hdl64(&packet, arrived, out),
             model => self.push_built_in(&packet, model, payload, arrived, out),
         }
     }
@@ -300,6 +310,44 @@ impl StreamDecoder {
             }
             _ => self.decode(packet, held, 0, out),
         }
+        Ok(())
+    }
+
+    fn push_hdl64(&mut self, packet: &DataPacket<'_>, arrived: RigNs, out: &mut Decoded) -> Result<(), Rejection> {
+        let calibration = &self.settings.hdl64e_calibration;
+        let decoder = self.hdl64.get_or_insert_with(|| Hdl64Decoder::new(calibration.clone()));
+        let start = out.points.len();
+        let read = decoder.decode(packet, &mut out.points)?;
+        self.model = Some(Model::Hdl64e);
+        if read.uncalibrated {
+            return Err(Rejection::Uncalibrated);
+        }
+        if let (true, Some(utc)) = (read.stamped, decoder.status().gps_time()) {
+            self.clock.update_utc(packet.stamp(), utc);
+        }
+        let mode = if read.dual { ReturnMode::Dual } else { ReturnMode::Strongest };
+        // A firing is two blocks, upper and lower bank, in dual return four. An S1 fires by the block, and has no clock.
+        let order = if read.stamped {
+            let turning = Turning::measure(&packet.azimuths()?, 2 * mode.blocks_per_firing());
+            self.tracker.observe(packet.stamp(), arrived, i64::from(read.period_ns), &turning).order
+        } else {
+            self.tracker.count_unstamped();
+            Order::Next { lost: 0 }
+        };
+        self.keep_in_range(start, &mut out.points);
+        out.packets.push(PacketInfo {
+            index: self.counts.data_packets,
+            arrived,
+            stamp: read.stamped.then(|| packet.stamp()),
+            points: start..out.points.len(),
+            mode,
+            azimuth_cdeg: (read.azimuth_first_cdeg, read.azimuth_last_cdeg),
+            azimuth_jump: read.azimuth_jump,
+            pause_ns: 0,
+            order,
+        });
+        self.counts.data_packets += 1;
+        *self.counts.modes.entry(mode).or_default() += 1;
         Ok(())
     }
 

@@ -192,6 +192,11 @@ impl PacketTracker {
         Observation { order: Order::Next { lost }, previous_pause_ns }
     }
 
+    /// Counts a packet of a sensor without a clock: nothing can be said of what is missing before it.
+    pub fn count_unstamped(&mut self) {
+        self.totals.received += 1;
+    }
+
     /// Sets the counts of lost packets back to none, since they were counted with a wrong period; `period_ns` is the right one.
     pub fn forget_losses(&mut self, period_ns: i64) {
         if let Some(last) = &mut self.last {

@@ -6,6 +6,7 @@
 mod support;
 
 use support::{Expected, Worst, capture, compare, expected, udp};
+use tumbled_velodyne::hdl64::{Calibration, Generation};
 use tumbled_velodyne::stream::{Decoded, Settings, StreamDecoder};
 use tumbled_velodyne::{LidarPoint, Model};
 
@@ -95,4 +96,26 @@ fn vlp16_with_gps() {
 #[test]
 fn hdl32e() {
     against_velodyne_decoder("hdl32e_strongest_gps_700rpm", Settings::default(), Model::Hdl32e, 100, 28_551);
+}
+
+#[test]
+fn hdl64e_s1() {
+    let name = "hdl64e_s1_600rpm_a";
+    let (Some(pcap), Some(csv), Some(pts)) =
+        (capture(&format!("{name}.pcap")), capture("hdl64e_calibration.csv"), capture(&format!("{name}.vd310.pts")))
+    else {
+        return;
+    };
+    let csv = String::from_utf8(csv).expect("text");
+    let calibration = Calibration::parse(&csv).expect("64 lasers");
+    let settings = Settings { hdl64e_calibration: Some(calibration), ..Settings::default() };
+    let (decoder, got) = decode(&pcap, settings, 50);
+    assert_eq!(decoder.model(), Some(Model::Hdl64e));
+    assert_eq!(decoder.hdl64().and_then(|h| h.generation()), Some(Generation::S1));
+    let want = expected(&pts);
+    assert_eq!(want.len(), 18_364);
+    // The captures' README: firing times are estimates, and the azimuth within a block follows from them.
+    let worst = compare(&got, &want, |_| 0.0, everywhere);
+    println!("{worst:?}");
+    assert!(worst.azimuth_deg <= 0.2 && worst.range_m <= 0.01 && worst.intensity <= 1, "{worst:?}");
 }

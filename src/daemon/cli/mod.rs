@@ -8,6 +8,7 @@
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 pub mod config;
+pub mod export;
 pub mod failure;
 pub mod input;
 pub mod log;
@@ -55,6 +56,8 @@ struct LogArgs {
 /// What to do.
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Write points, depth images and states to files other programs open.
+    Export(export::Args),
     /// Check, show, describe or write a config.
     #[command(subcommand)]
     Config(config::Command),
@@ -66,6 +69,7 @@ enum Command {
 /// Whatever stopped it; [`Failure::exit_code`] says how that ends.
 pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
+        Command::Export(args) => export::run(&args),
         Command::Config(command) => config::run(command),
     }
 }

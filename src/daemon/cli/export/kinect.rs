@@ -1,0 +1,165 @@
+//! Kinect depth and points: one file a frame.
+
+use std::path::{Path, PathBuf};
+
+use tumbled_kinect::{HEIGHT, MmImage, Points, WIDTH};
+use tumbled_model::Body;
+
+use super::outfile::OutFile;
+use super::table::{Column, Kind, TableFile, Value};
+use super::{Args, Format, Report, What, choose};
+use crate::cli::Failure;
+use crate::config::Config;
+use crate::decoding::Inputs;
+use crate::decoding::kinect::{Frame, KinectDecoder};
+
+const COLUMNS: &[Column] = &[
+    Column { name: "x", kind: Kind::F32 },
+    Column { name: "y", kind: Kind::F32 },
+    Column { name: "z", kind: Kind::F32 },
+    Column { name: "sigma_z", kind: Kind::F32 },
+    Column { name: "u", kind: Kind::U16 },
+    Column { name: "v", kind: Kind::U16 },
+];
+
+/// Decodes one Kinect's frames and writes each wanted one.
+pub(super) fn export(args: &Args, config: &Config, inputs: &mut Inputs) -> Result<Report, Failure> {
+    let sensor = choose(&config.kinects, |kinect| kinect.id.as_str(), args.sensor.as_deref(), "Kinect")?;
+    let mut decoder = KinectDecoder::new(sensor)?;
+    let mut files = Files::new(args);
+    let mut report = Report {
+        what: args.what,
+        format: args.format,
+        sensor: sensor.id.to_string(),
+        files: Vec::new(),
+        records: 0,
+        points: 0,
+        lost: 0,
+        warnings: Vec::new(),
+    };
+    let mut number = 0;
+    while let Some(event) = inputs.next_event()? {
+        let Body::DepthFrame { sensor: id, ticks, encoding, lost_packets, bytes } = &event.body else { continue };
+        if *id != sensor.id {
+            continue;
+        }
+        let frame_number = number;
+        number += 1;
+        if !args.frames.contains(frame_number) {
+            continue;
+        }
+        let frame = Frame { ticks: *ticks, encoding: *encoding, lost: lost_packets, bytes };
+        let written = match args.what {
+            What::KinectDepth => decoder.millimetres(frame).map(|image| files.depth(frame_number, image)),
+            _ => decoder.points(frame).map(|points| files.points(frame_number, points)),
+        };
+        match written {
+            Ok(points) => report.points += points?,
+            Err(reason) => report.warnings.push(format!("frame {frame_number} not decoded: {reason}")),
+        }
+    }
+    report.records = decoder.counts().frames;
+    report.files = files.finish()?;
+    if decoder.repeated() > 0 {
+        report.warnings.push(format!("{} frames repeat the frame before them", decoder.repeated()));
+    }
+    if report.records == 0 {
+        let why = report.warnings.first().cloned().unwrap_or_else(|| {
+            if number == 0 {
+                "the inputs hold no depth frames".to_owned()
+            } else {
+                format!("the inputs hold {number} frames, none in --frames")
+            }
+        });
+        return Err(Failure::input(why).with_help("`tumbled info INPUT` lists what is in it"));
+    }
+    Ok(report)
+}
+
+/// Names the files: PATH itself for one frame, `frame-NNNNNN.EXT` in the folder PATH for several.
+///
+/// Whether there are several is known with the second frame; until then the first waits as the file PATH if PATH has
+/// the format's extension.
+struct Files<'a> {
+    args: &'a Args,
+    single: bool,
+    written: Vec<PathBuf>,
+}
+
+impl<'a> Files<'a> {
+    fn new(args: &'a Args) -> Self {
+        let named_as_file = args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(args.format.extension()));
+        Self { args, single: named_as_file && !args.output.is_dir(), written: Vec::new() }
+    }
+
+    /// The place of a frame's file.
+    fn path(&self, number: u64) -> Result<PathBuf, Failure> {
+        if !self.single {
+            return Ok(self.args.output.join(format!("frame-{number:06}.{}", self.args.format.extension())));
+        }
+        if self.written.is_empty() {
+            return Ok(self.args.output.clone());
+        }
+        let example = Path::new(&self.args.output).with_extension("");
+        Err(Failure::input(format!("the inputs hold several frames, {} is one file", self.args.output.display()))
+            .with_help(format!("give a folder (-o {}/) or one frame (--frames 0..1)", example.display())))
+    }
+
+    fn depth(&mut self, number: u64, image: &MmImage) -> Result<u64, Failure> {
+        let path = self.path(number)?;
+        let mut file = OutFile::create(&path)?;
+        if self.args.format == Format::Png {
+            file.write(&png(image)?)?;
+        } else {
+            for row in image.pixels().chunks(WIDTH) {
+                let cells: Vec<String> = row.iter().map(ToString::to_string).collect();
+                file.write(format!("{}\n", cells.join(",")).as_bytes())?;
+            }
+        }
+        self.written.push(file.finish(&[])?);
+        Ok(image.pixels().iter().filter(|mm| **mm != 0).count() as u64)
+    }
+
+    fn points(&mut self, number: u64, points: &Points) -> Result<u64, Failure> {
+        let comments = vec![
+            "tumbled kinect-points: metres, x right, y down, z forward (depth camera frame)".to_owned(),
+            "sigma_z: standard deviation of z, metres; u, v: pixel".to_owned(),
+        ];
+        let mut table = TableFile::create(&self.path(number)?, self.args.format, COLUMNS, comments)?;
+        let coordinates = points.x().iter().zip(points.y()).zip(points.z()).zip(points.sigma_z());
+        for ((((x, y), z), sigma_z), pixel) in coordinates.zip(points.pixel()) {
+            let (u, v) = (*pixel as usize % WIDTH, *pixel as usize / WIDTH);
+            table.row(&[
+                Value::F32(*x),
+                Value::F32(*y),
+                Value::F32(*z),
+                Value::F32(*sigma_z),
+                Value::U16(u as u16),
+                Value::U16(v as u16),
+            ])?;
+        }
+        self.written.push(table.finish()?);
+        Ok(points.len() as u64)
+    }
+
+    fn finish(self) -> Result<Vec<PathBuf>, Failure> {
+        Ok(self.written)
+    }
+}
+
+/// A 16-bit grey PNG.
+fn png(image: &MmImage) -> Result<Vec<u8>, Failure> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, WIDTH as u32, HEIGHT as u32);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let big_endian: Vec<u8> = image.pixels().iter().flat_map(|mm| mm.to_be_bytes()).collect();
+    encoder
+        .write_header()
+        .and_then(|mut writer| {
+            writer.write_image_data(&big_endian)?;
+            writer.finish()
+        })
+        .map_err(Failure::failed)?;
+    Ok(bytes)
+}
