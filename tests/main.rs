@@ -4,5 +4,10 @@ mod architecture;
 mod cli_basics;
 mod config_cli;
 mod config_layers;
+mod golden;
 mod schemas;
 mod support;
+
+#[allow(dead_code, reason = "the driver's own tests use all of it")]
+#[path = "../drivers/velodyne/tests/support/synth.rs"]
+mod synth;

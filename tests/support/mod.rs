@@ -1,5 +1,7 @@
 //! A fresh directory and the `tumbled` command in it.
 
+pub(crate) mod pcap;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
