@@ -92,7 +92,7 @@ impl Model {
     /// | VLP-16 | on | its manual lists the heights |
     /// | Puck Hi-Res | on | the same sensor with other elevations |
     /// | VLP-32C | on | an indoor floor wants them: scale +1.31 ± 0.40 (0 off, 1 on), +0.91 ± 0.55 if all lasers may share errors of range and elevation |
-    /// | HDL-32E | off | no manual has them, and a road decides nothing: scale −0.17 ± 0.81 |
+    /// | HDL-32E | off | no figure of the maker's is known, and a road decides nothing: scale −0.17 ± 0.81 |
     /// | HDL-64E | off | its calibration has offsets of its own |
     ///
     /// The scales are fitted to real captures. The evidence for the VLP-32C is moderate and conditional:

@@ -16,7 +16,7 @@ use crate::cells::{Cell, Plane};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Range error of one laser, metres: an assumption, inside the ±3 cm of the Pucks' data sheets.
+/// Range error of one laser, metres: an assumption, well inside the ±3 cm usually quoted for the Pucks.
 const RING_RANGE_M: f64 = 0.012;
 /// Elevation error of one laser, radians: 0.06°, an assumption.
 const RING_ELEVATION_RAD: f64 = 0.06 * core::f64::consts::PI / 180.0;

@@ -84,7 +84,7 @@ pub(crate) const OTHERS: [Scene; 4] = [
         also_curved: false,
     },
     Scene {
-        name: "VLP-16 (GPS) walls",
+        name: "VLP-16 with GPS, walls",
         file: "vlp16_strongest_gps_600rpm.pcap",
         model: Model::Vlp16,
         packets: 20,
