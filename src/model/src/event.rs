@@ -1,6 +1,6 @@
 //! The ledger's events: everything the core ever learns, in one order.
 
-use crate::time::{KinectTicks, RigNs};
+use crate::time::{KinectTicks, RigNs, UnixNs};
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -76,6 +76,41 @@ pub enum Body {
         /// The frame's payload as received.
         bytes: Bytes,
     },
+    /// Bytes from a serial port, as many as one read gave.
+    SerialChunk {
+        /// Which device on the port.
+        sensor: SensorId,
+        /// The bytes as received.
+        bytes: Bytes,
+    },
+    /// What a device says of its own calibration, once per opening: a Kinect's zero plane and registration tables.
+    DeviceTables {
+        /// Whose.
+        sensor: SensorId,
+        /// The device's replies as received.
+        bytes: Bytes,
+    },
+    /// A source was opened, lost, opened again or closed.
+    SensorState {
+        /// Whose.
+        sensor: SensorId,
+        /// What it is now.
+        state: SourceState,
+    },
+    /// Live load-shedding, written before the packets of the scans it sheds: the core leaves them out, live and on replay.
+    Skip {
+        /// Whose scans.
+        sensor: SensorId,
+        /// How many.
+        scans: u16,
+    },
+    /// The wall clock at this instant, once a second.
+    Anchor {
+        /// Wall time at [`Event::arrived`].
+        unix: UnixNs,
+    },
+    /// A tenth of a second has passed: the only passage of time without data.
+    Tick,
     /// Something that a sensor sent and that was lost on the way.
     Gap {
         /// Whose data.
@@ -88,12 +123,31 @@ pub enum Body {
 }
 
 impl Body {
-    /// The sensor it came from or concerns.
-    pub fn sensor(&self) -> &SensorId {
+    /// The sensor it came from or concerns; `None` for what concerns the session.
+    pub fn sensor(&self) -> Option<&SensorId> {
         match self {
-            Self::LidarPacket { sensor, .. } | Self::DepthFrame { sensor, .. } | Self::Gap { sensor, .. } => sensor,
+            Self::LidarPacket { sensor, .. }
+            | Self::DepthFrame { sensor, .. }
+            | Self::SerialChunk { sensor, .. }
+            | Self::DeviceTables { sensor, .. }
+            | Self::SensorState { sensor, .. }
+            | Self::Skip { sensor, .. }
+            | Self::Gap { sensor, .. } => Some(sensor),
+            Self::Anchor { .. } | Self::Tick => None,
         }
     }
+}
+
+/// What a source is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SourceState {
+    /// The device or socket is open; data may come.
+    Opened,
+    /// It failed or went away; the source tries again.
+    Lost,
+    /// It was closed on purpose; nothing more comes.
+    Closed,
 }
 
 /// Where data were lost before the ledger had them.
@@ -101,6 +155,14 @@ impl Body {
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum LossPoint {
+    /// The kernel's socket buffer was full.
+    Kernel,
+    /// The queue between the receiver and the ledger was full.
+    Queue,
+    /// USB packets or frames never arrived.
+    Usb,
+    /// The recorder could not keep up: missing in the recording, not in the run.
+    Recorder,
     /// The capture file holds less of the packet than was on the wire, or breaks off.
     Capture,
 }

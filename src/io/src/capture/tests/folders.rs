@@ -156,7 +156,7 @@ fn a_single_png_belongs_to_the_kinect_of_its_name() {
     let mut routing = Routing::default();
     routing.kinects.push(KinectRoute { id: SensorId::from("far"), topic: None });
     let (records, _) = read_routed(&path, &routing);
-    assert_eq!(records[0].body.sensor(), &SensorId::from("far"));
+    assert_eq!(records[0].body.sensor(), Some(&SensorId::from("far")));
     routing.kinects.clear();
     assert!(matches!(open(&path, &routing), Err(CaptureError::NoKinect { .. })));
 }
