@@ -4,7 +4,9 @@ mod architecture;
 mod cli_basics;
 mod config_cli;
 mod config_layers;
+mod export_cli;
 mod golden;
+mod info_cli;
 mod schemas;
 mod support;
 

@@ -36,6 +36,7 @@ pub fn outputs() -> Vec<Published> {
     vec![
         Published { file: "docs/schema/config-check.schema.json", schema: schema_for!(CheckReport) },
         Published { file: "docs/schema/export.schema.json", schema: schema_for!(crate::cli::export::Report) },
+        Published { file: "docs/schema/info.schema.json", schema: schema_for!(crate::cli::info::report::InfoReport) },
         Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },
     ]
 }

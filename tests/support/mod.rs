@@ -1,6 +1,7 @@
 //! A fresh directory and the `tumbled` command in it.
 
 pub(crate) mod pcap;
+pub(crate) mod real;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,6 +37,10 @@ impl Workbench {
 
     pub(crate) fn read(&self, name: &str) -> String {
         fs::read_to_string(self.path(name)).expect("reads a file")
+    }
+
+    pub(crate) fn read_bytes(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).expect("reads a file")
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

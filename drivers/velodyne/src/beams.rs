@@ -121,7 +121,7 @@ impl BeamTable {
     }
 
     /// From a single-return packet's first firing to its last, ns.
-    pub(crate) fn last_firing_ns(&self) -> i32 {
+    pub fn last_firing_ns(&self) -> i32 {
         let blocks = crate::wire::BLOCKS as i32 - 1;
         blocks * self.block_ns as i32 + self.dt_ns.iter().copied().max().unwrap_or(0)
     }

@@ -46,13 +46,13 @@ impl core::fmt::Display for PeriodMismatch {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(
             f,
-            "the packets say {} but come every {:.1} µs instead of {:.1} µs",
+            "decoded as {}, but the packets come every {:.1} µs instead of {:.1} µs",
             self.claimed,
             self.measured_ns as f64 / 1e3,
             self.expected_ns as f64 / 1e3
         )?;
         match self.fits {
-            Some(model) => write!(f, ", the period of a {model}: if it is one, set lidar.model={model}"),
+            Some(model) => write!(f, ", the period of {model}: if it is one, set lidar.model={model}"),
             None => write!(f, ": which model is it? Set lidar.model"),
         }
     }

@@ -319,11 +319,11 @@ impl StreamDecoder {
         let start = out.points.len();
         let read = decoder.decode(packet, &mut out.points)?;
         self.model = Some(Model::Hdl64e);
-        if read.uncalibrated {
-            return Err(Rejection::Uncalibrated);
-        }
         if let (true, Some(utc)) = (read.stamped, decoder.status().gps_time()) {
             self.clock.update_utc(packet.stamp(), utc);
+        }
+        if read.uncalibrated {
+            return Err(Rejection::Uncalibrated);
         }
         let mode = if read.dual { ReturnMode::Dual } else { ReturnMode::Strongest };
         // A firing is two blocks, upper and lower bank, in dual return four. An S1 fires by the block, and has no clock.

@@ -10,6 +10,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 pub mod config;
 pub mod export;
 pub mod failure;
+pub mod info;
 pub mod input;
 pub mod log;
 pub mod output;
@@ -58,6 +59,8 @@ struct LogArgs {
 enum Command {
     /// Write points, depth images and states to files other programs open.
     Export(export::Args),
+    /// Tell what inputs hold: models, modes, rates, packets lost, clocks, fields of view.
+    Info(info::Args),
     /// Check, show, describe or write a config.
     #[command(subcommand)]
     Config(config::Command),
@@ -70,6 +73,7 @@ enum Command {
 pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Export(args) => export::run(&args),
+        Command::Info(args) => info::run(&args),
         Command::Config(command) => config::run(command),
     }
 }

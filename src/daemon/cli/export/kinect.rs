@@ -78,18 +78,34 @@ pub(super) fn export(args: &Args, config: &Config, inputs: &mut Inputs) -> Resul
 
 /// Names the files: PATH itself for one frame, `frame-NNNNNN.EXT` in the folder PATH for several.
 ///
-/// Whether there are several is known with the second frame; until then the first waits as the file PATH if PATH has
-/// the format's extension.
+/// Whether there are several is known with the second frame. If PATH has the format's extension the first waits until
+/// the end before it takes its name: an export that is refused for its second frame must not leave, or overwrite, a file.
 struct Files<'a> {
     args: &'a Args,
     single: bool,
+    waiting: Option<Written>,
     written: Vec<PathBuf>,
+}
+
+/// A file whose content is there.
+enum Written {
+    Image(OutFile),
+    Table(TableFile),
+}
+
+impl Written {
+    fn finish(self) -> Result<PathBuf, Failure> {
+        match self {
+            Self::Image(file) => file.finish(&[]),
+            Self::Table(table) => table.finish(),
+        }
+    }
 }
 
 impl<'a> Files<'a> {
     fn new(args: &'a Args) -> Self {
         let named_as_file = args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(args.format.extension()));
-        Self { args, single: named_as_file && !args.output.is_dir(), written: Vec::new() }
+        Self { args, single: named_as_file && !args.output.is_dir(), waiting: None, written: Vec::new() }
     }
 
     /// The place of a frame's file.
@@ -97,7 +113,7 @@ impl<'a> Files<'a> {
         if !self.single {
             return Ok(self.args.output.join(format!("frame-{number:06}.{}", self.args.format.extension())));
         }
-        if self.written.is_empty() {
+        if self.waiting.is_none() {
             return Ok(self.args.output.clone());
         }
         let example = Path::new(&self.args.output).with_extension("");
@@ -116,7 +132,7 @@ impl<'a> Files<'a> {
                 file.write(format!("{}\n", cells.join(",")).as_bytes())?;
             }
         }
-        self.written.push(file.finish(&[])?);
+        self.keep(Written::Image(file))?;
         Ok(image.pixels().iter().filter(|mm| **mm != 0).count() as u64)
     }
 
@@ -138,11 +154,23 @@ impl<'a> Files<'a> {
                 Value::U16(v as u16),
             ])?;
         }
-        self.written.push(table.finish()?);
+        self.keep(Written::Table(table))?;
         Ok(points.len() as u64)
     }
 
-    fn finish(self) -> Result<Vec<PathBuf>, Failure> {
+    fn keep(&mut self, file: Written) -> Result<(), Failure> {
+        if self.single {
+            self.waiting = Some(file);
+        } else {
+            self.written.push(file.finish()?);
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Vec<PathBuf>, Failure> {
+        if let Some(only) = self.waiting.take() {
+            self.written.push(only.finish()?);
+        }
         Ok(self.written)
     }
 }

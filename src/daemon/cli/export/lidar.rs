@@ -64,6 +64,13 @@ pub(super) fn export(args: &Args, config: &Config, inputs: &mut Inputs) -> Resul
         }
     }
     refuse_nothing(&decoder, inputs)?;
+    if sink.packets == 0 {
+        let seen = turns.seen();
+        return Err(Failure::input(format!(
+            "the inputs hold {seen} turns of the head, begun ones counted, none in --frames"
+        ))
+        .with_help("turns are counted from 0"));
+    }
     let whole = args.frames.contains(0) && !args.frames.is_behind(u64::MAX - 1);
     Ok(Report {
         what: args.what,
@@ -117,6 +124,11 @@ struct Turns {
 }
 
 impl Turns {
+    /// Turns so far, the one under way included.
+    fn seen(&self) -> i64 {
+        self.turned_cdeg / 36_000 + 1
+    }
+
     fn of(&mut self, packet: &PacketInfo) -> u64 {
         let (first, _) = packet.azimuth_cdeg;
         if let (Some(last), Order::Next { .. } | Order::Reset) = (self.last_cdeg, packet.order) {

@@ -114,6 +114,7 @@ pub struct Report {
 /// # Errors
 /// Exit code 2: an input or a combination that cannot be used. 1: a file that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    refuse_own_input(args)?;
     let loaded = args.input.config.load()?;
     let mut inputs = Inputs::open(&args.input, &loaded.config)?;
     let mut report = match (args.what, args.format) {
@@ -132,6 +133,17 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         output::text(&summary(&report))?;
     }
     Ok(if inputs.data_lost() { Outcome::Incomplete } else { Outcome::Fine })
+}
+
+/// An output that is an input would replace the recording it is made from.
+fn refuse_own_input(args: &Args) -> Result<(), Failure> {
+    let Ok(output) = args.output.canonicalize() else { return Ok(()) };
+    let same = args.input.inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == output));
+    match same {
+        Some(input) => Err(Failure::input(format!("{} is an input, it is not written to", input.display()))
+            .with_help("give -o another path")),
+        None => Ok(()),
+    }
 }
 
 fn no_such_combination(what: What, format: Format) -> Failure {
