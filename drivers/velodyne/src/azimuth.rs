@@ -21,13 +21,48 @@ pub fn forward_cdeg(from: u16, to: u16) -> i32 {
     if step >= TURN - JITTER_CDEG { step - TURN } else { step }
 }
 
-/// Where a packet's azimuth jumps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Jump {
-    /// The last firing group before the jump (block, or in dual mode pair of blocks), 0..11.
-    pub after_group: u8,
-    /// How far it goes, 0.01°.
-    pub width_cdeg: u16,
+/// Where a packet's azimuth jumps: once, unless the field of view is so narrow that a packet spans several turns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Jumps {
+    /// By firing group (block, or in dual mode pair of blocks): how far the azimuth jumps behind it, 0.01°; 0 = not.
+    width_cdeg: [u16; BLOCKS],
+}
+
+impl Jumps {
+    /// How many, 0 for almost every packet.
+    pub fn count(&self) -> usize {
+        self.width_cdeg.iter().filter(|width| **width > 0).count()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.count() == 0
+    }
+
+    /// The first: the group before it and its width, 0.01°.
+    pub fn first(&self) -> Option<(usize, u16)> {
+        self.width_cdeg.iter().copied().enumerate().find(|(_, width)| *width > 0)
+    }
+
+    /// The last, likewise.
+    pub fn last(&self) -> Option<(usize, u16)> {
+        self.width_cdeg.iter().copied().enumerate().rfind(|(_, width)| *width > 0)
+    }
+
+    /// All widths together, 0.01°.
+    pub fn total_cdeg(&self) -> u32 {
+        self.width_cdeg.iter().map(|width| u32::from(*width)).sum()
+    }
+
+    /// How much of the packet's silence lies before a group, ns: shared out by the jumps' widths.
+    pub fn pause_before_ns(&self, group: usize, pause_ns: i64) -> i64 {
+        let before: u32 = self.width_cdeg.iter().take(group).map(|width| u32::from(*width)).sum();
+        match self.total_cdeg() {
+            0 => 0,
+            total if before == total => pause_ns,
+            total => (i128::from(pause_ns) * i128::from(before) / i128::from(total)) as i64,
+        }
+    }
 }
 
 /// How far the head turns from each firing group of a packet to the next.
@@ -41,8 +76,8 @@ pub struct Turning {
     pub groups: usize,
     /// Median step, 0.01°: the head's speed in this packet.
     pub median_cdeg: i32,
-    /// The first jump, if there is one.
-    pub jump: Option<Jump>,
+    /// The jumps of a limited field of view.
+    pub jumps: Jumps,
 }
 
 impl Turning {
@@ -66,18 +101,19 @@ impl Turning {
         }
         let median_cdeg = median(gap_cdeg, steps);
         let jump_above = (median_cdeg + median_cdeg / 2).max(MIN_JUMP_CDEG); // 1.5 × an odd median: rounding down loses no integer gap
-        let mut jump = None;
+        let mut jumps = Jumps::default();
         let mut previous = median_cdeg;
-        for (group, gap) in (0u8..).zip(gap_cdeg.iter_mut().take(groups)) {
-            if usize::from(group) == steps {
+        let places = gap_cdeg.iter_mut().zip(&mut jumps.width_cdeg);
+        for (group, (gap, jump)) in places.take(groups).enumerate() {
+            if group == steps {
                 *gap = previous;
             } else if *gap > jump_above {
-                jump = jump.or(Some(Jump { after_group: group, width_cdeg: *gap as u16 }));
+                *jump = *gap as u16;
                 *gap = median_cdeg;
             }
             previous = *gap;
         }
-        Self { base_cdeg, gap_cdeg, groups, median_cdeg, jump }
+        Self { base_cdeg, gap_cdeg, groups, median_cdeg, jumps }
     }
 
     /// Azimuth of the first group, 0.01°.
@@ -110,7 +146,7 @@ mod tests {
     #[test]
     fn a_steady_head_turns_evenly_and_the_last_block_repeats_the_step() {
         let t = Turning::measure(&ramp(100, 20), 1);
-        assert_eq!((t.gap_cdeg, t.jump), ([20; BLOCKS], None));
+        assert_eq!((t.gap_cdeg, t.jumps.count()), ([20; BLOCKS], 0));
     }
 
     #[test]
@@ -122,7 +158,7 @@ mod tests {
             *a = 27_012 + 20 * k as u16;
         }
         let t = Turning::measure(&azimuth, 1);
-        assert_eq!(t.jump, Some(Jump { after_group: 4, width_cdeg: 17_917 }));
+        assert_eq!((t.jumps.count(), t.jumps.first()), (1, Some((4, 17_917))));
         assert_eq!(t.gap_cdeg, [20; BLOCKS]);
     }
 
@@ -131,8 +167,19 @@ mod tests {
         let mut azimuth = ramp(9_015, 20);
         azimuth[11] = 27_012;
         let t = Turning::measure(&azimuth, 1);
-        assert_eq!(t.jump.map(|j| j.after_group), Some(10));
+        assert_eq!(t.jumps.first().map(|(group, _)| group), Some(10));
         assert_eq!(t.gap_cdeg[10..], [20, 20]);
+    }
+
+    #[test]
+    fn a_view_narrower_than_a_packet_jumps_more_than_once() {
+        // Five blocks a turn: 1.00° to 1.80°, then 358.8° to 1.00° + a little.
+        let azimuth = core::array::from_fn(|b| [100, 120, 140, 160, 180][b % 5] + b as u16 / 5);
+        let t = Turning::measure(&azimuth, 1);
+        assert_eq!((t.jumps.count(), t.jumps.first()), (2, Some((4, 35_921))));
+        // Two jumps of one width: half of the silence before block 5, all of it before block 10.
+        assert_eq!([4, 5, 9, 10].map(|group| t.jumps.pause_before_ns(group, 200)), [0, 100, 100, 200]);
+        assert_eq!(t.gap_cdeg, [20; BLOCKS]);
     }
 
     #[test]
@@ -148,7 +195,7 @@ mod tests {
     fn a_standing_motor_is_neither_a_jump_nor_a_turn() {
         let azimuth = [100, 101, 100, 99, 100, 100, 101, 100, 100, 99, 100, 100];
         let t = Turning::measure(&azimuth, 1);
-        assert_eq!((t.jump, t.median_cdeg), (None, 0));
+        assert_eq!((t.jumps.count(), t.median_cdeg), (0, 0));
         assert_eq!(t.gap_cdeg[1], -1);
     }
 
@@ -158,7 +205,7 @@ mod tests {
         fn the_wrap_is_invisible(start in 0u16..36_000, step in 9u16..80, jitter in prop::array::uniform12(0u16..3)) {
             let azimuth: [u16; BLOCKS] = core::array::from_fn(|b| (ramp(start, step)[b] + jitter[b]) % 36_000);
             let t = Turning::measure(&azimuth, 1);
-            prop_assert_eq!(t.jump, None);
+            prop_assert!(t.jumps.is_empty());
             for gap in t.gap_cdeg {
                 prop_assert!((gap - i32::from(step)).abs() <= 2);
             }

@@ -120,10 +120,9 @@ impl BeamTable {
         self.block_ns
     }
 
-    /// From a single-return packet's first firing to its last, ns.
-    pub fn last_firing_ns(&self) -> i32 {
-        let blocks = crate::wire::BLOCKS as i32 - 1;
-        blocks * self.block_ns as i32 + self.dt_ns.iter().copied().max().unwrap_or(0)
+    /// From a packet's first firing to its last, ns. `groups` firing groups: 12 blocks, or in dual return 6 pairs.
+    pub fn last_firing_ns(&self, groups: usize) -> i32 {
+        (groups.max(1) as i32 - 1) * self.block_ns as i32 + self.dt_ns.iter().copied().max().unwrap_or(0)
     }
 }
 
@@ -165,6 +164,8 @@ mod tests {
     fn hdl32e_last_firing_is_542_592_ns_after_the_first() {
         // 11 × 46.080 + 31 × 1.152 = 542.592 µs [H32 appendix E].
         let t = table(Model::Hdl32e);
-        assert_eq!(t.last_firing_ns(), 542_592);
+        assert_eq!(t.last_firing_ns(12), 542_592);
+        // Dual: 5 × 46.080 + 35.712 µs.
+        assert_eq!(t.last_firing_ns(6), 266_112);
     }
 }

@@ -41,6 +41,7 @@ pub struct UtcClock {
     pps: Option<Pps>,
     pps_changes: u64,
     bad_checksums: u64,
+    other_sentences: u64,
     state: UtcState,
     /// UTC of the newest position packet.
     reference: Option<UnixNs>,
@@ -66,11 +67,12 @@ impl UtcClock {
                     (true, _) => UtcState::Sentence,
                 };
             }
+            // One broken or foreign sentence says nothing about the clock: some receivers send GGA in turn with RMC.
             Err(NmeaError::Checksum { .. }) => self.bad_checksums += 1,
-            _ => {
-                self.state = UtcState::FreeRunning;
-                self.reference = None;
+            Err(NmeaError::Frame | NmeaError::NotRmc | NmeaError::Field) if position.pps == Pps::Locked => {
+                self.other_sentences += 1;
             }
+            _ => self.invalidate(),
         }
     }
 
@@ -81,6 +83,12 @@ impl UtcClock {
         let agrees = (absolute - utc).0.abs() <= SENTENCE_LAG_NS;
         self.reference = agrees.then_some(absolute);
         self.state = if agrees { UtcState::Locked } else { UtcState::Contradicted };
+    }
+
+    /// The stamps are no UTC any more: the counter was set anew, or the receiver lost its signal.
+    pub fn invalidate(&mut self) {
+        self.state = UtcState::FreeRunning;
+        self.reference = None;
     }
 
     /// The newest pulse state; `None` before any position packet.
@@ -96,6 +104,11 @@ impl UtcClock {
     /// Sentences whose checksum was wrong; they change nothing.
     pub fn bad_checksums(&self) -> u64 {
         self.bad_checksums
+    }
+
+    /// Sentences that carry no usable time while the pulse is locked (GGA, or cut short); they change nothing.
+    pub fn other_sentences(&self) -> u64 {
+        self.other_sentences
     }
 
     /// How far the stamps may be trusted as UTC.
@@ -152,6 +165,13 @@ mod tests {
         clock.update(&position(1_341_500_000, Pps::Locked, RMC));
         clock.update(&position(1_341_600_000, Pps::Locked, &RMC.replace("42221", "42222")));
         assert_eq!((clock.state(), clock.bad_checksums()), (UtcState::Locked, 1));
+        clock.update(&position(1_341_650_000, Pps::Locked, "$GPRMC,042221.00,A,41"));
+        clock.update(&position(
+            1_341_660_000,
+            Pps::Locked,
+            "$GPGGA,042221.00,4124.8963,N,08151.6838,W,1,8,1,1,M,1,M,,*61",
+        ));
+        assert_eq!((clock.state(), clock.other_sentences()), (UtcState::Locked, 2));
         clock.update(&position(1_341_700_000, Pps::Absent, ""));
         assert_eq!((clock.state(), clock.pps_changes()), (UtcState::FreeRunning, 1));
     }

@@ -14,7 +14,7 @@
 use crate::azimuth::Turning;
 use crate::beams::BeamTable;
 use crate::models::ReturnMode;
-use crate::points::{LidarPoint, Points, Return};
+use crate::points::{Points, Return};
 use crate::wire::{DataPacket, SLOTS};
 use core::f64::consts::{PI, TAU};
 
@@ -29,8 +29,9 @@ const SMALL_TURN_RAD: f64 = 0.1;
 pub struct Timing {
     /// Added to every firing time, ns: 0 when the packet's stamp is its first firing's.
     pub shift_ns: i32,
-    /// The silence of a sensor with a limited field of view: firings after the packet's azimuth jump come this much later, ns.
-    pub pause_ns: i32,
+    /// The silence of a sensor with a limited field of view: firings behind the packet's last azimuth jump come this much
+    /// later, ns.
+    pub pause_ns: i64,
 }
 
 /// Appends the packet's points with a distance, in the order packet, block, slot; in dual mode firing, slot, last
@@ -46,8 +47,7 @@ pub fn decode_packet(
     let mut blocks = packet.blocks();
     let groups = turning.base_cdeg.iter().zip(&turning.gap_cdeg).take(turning.groups);
     for (group, (azimuth_cdeg, gap_cdeg)) in (0u8..).zip(groups) {
-        let after_jump = turning.jump.is_some_and(|jump| group > jump.after_group);
-        let pause_ns = if after_jump { timing.pause_ns } else { 0 };
+        let pause_ns = turning.jumps.pause_before_ns(usize::from(group), timing.pause_ns) as i32;
         let firing = Firing {
             azimuth_rad: f64::from(*azimuth_cdeg) * RAD_PER_CDEG,
             turn_rad: f64::from(*gap_cdeg) * RAD_PER_CDEG,
@@ -57,12 +57,13 @@ pub fn decode_packet(
         let Some(first) = blocks.next() else { return };
         let directions = Directions::of(beams, &firing);
         let (raw, intensity) = first.slots();
+        let slots = Slots::of(beams, &directions, raw, intensity);
         match mode {
-            ReturnMode::Strongest => emit(beams, &firing, &directions, &raw, &intensity, Return::Strongest, points),
-            ReturnMode::Last => emit(beams, &firing, &directions, &raw, &intensity, Return::Last, points),
+            ReturnMode::Strongest => emit(beams, &firing, &directions, &slots, Return::Strongest, points),
+            ReturnMode::Last => emit(beams, &firing, &directions, &slots, Return::Last, points),
             ReturnMode::Dual => {
                 let Some(second) = blocks.next() else { return };
-                let last = Slots::of(beams, &directions, raw, intensity);
+                let last = slots;
                 let (raw, intensity) = second.slots();
                 let strongest = Slots::of(beams, &directions, raw, intensity);
                 emit_dual(beams, &firing, &directions, &last, &strongest, points);
@@ -165,42 +166,23 @@ impl Slots {
 
 /// Appends the slots of one block that have a return.
 #[inline]
-fn emit(
-    beams: &BeamTable,
-    firing: &Firing,
-    directions: &Directions,
-    raw: &[u16; SLOTS],
-    intensity: &[u8; SLOTS],
-    ret: Return,
-    points: &mut Points,
-) {
-    let slots = Slots::of(beams, directions, *raw, *intensity);
-    let mut hits = [0u8; SLOTS];
-    let mut n = 0;
-    for (slot, raw) in (0u8..).zip(raw) {
-        // Written always, kept only when there is a return: no branch on the data.
-        if let Some(place) = hits.get_mut(n) {
-            *place = slot;
-        }
-        n += usize::from(*raw != 0);
+fn emit(beams: &BeamTable, firing: &Firing, directions: &Directions, slots: &Slots, ret: Return, points: &mut Points) {
+    let mut hits = Hits::default();
+    for (slot, raw) in (0u8..).zip(&slots.raw) {
+        hits.add(slot, ret, *raw != 0);
     }
-    let hits = hits.get(..n).unwrap_or(&hits);
-    points.x.extend(hits.iter().map(|&slot| at(&slots.x, slot)));
-    points.y.extend(hits.iter().map(|&slot| at(&slots.y, slot)));
-    points.z.extend(hits.iter().map(|&slot| at(&slots.z, slot)));
-    points.range_m.extend(hits.iter().map(|&slot| at(&slots.range_m, slot)));
-    points.azimuth_rad.extend(hits.iter().map(|&slot| at(&directions.azimuth_rad, slot)));
-    points.dt_ns.extend(hits.iter().map(|&slot| firing.start_ns + at(&beams.dt_ns, slot)));
-    points.intensity.extend(hits.iter().map(|&slot| at(&slots.intensity, slot)));
-    points.laser.extend(hits.iter().map(|&slot| at(&beams.laser, slot)));
-    points.ring.extend(hits.iter().map(|&slot| at(&beams.ring, slot)));
-    points.column.extend(hits.iter().map(|&slot| firing.column + at(&beams.column, slot)));
-    points.ret.extend(core::iter::repeat_n(ret, n));
+    points.x.extend(hits.slots().map(|slot| at(&slots.x, slot)));
+    points.y.extend(hits.slots().map(|slot| at(&slots.y, slot)));
+    points.z.extend(hits.slots().map(|slot| at(&slots.z, slot)));
+    points.range_m.extend(hits.slots().map(|slot| at(&slots.range_m, slot)));
+    points.intensity.extend(hits.slots().map(|slot| at(&slots.intensity, slot)));
+    emit_beams(beams, firing, directions, &hits, points);
 }
 
 /// Appends the slots of a dual-return pair: the last return, then the other one; one point where they are the same.
 ///
-/// The sensor sends one return twice when there is only one (M16 9.2); distance and reflectivity are then equal.
+/// The sensor sends one return twice when there is only one (M16 9.2). The distances then are equal; should the
+/// reflectivities not be, the strongest return's counts.
 #[inline]
 fn emit_dual(
     beams: &BeamTable,
@@ -210,30 +192,62 @@ fn emit_dual(
     strongest: &Slots,
     points: &mut Points,
 ) {
-    for slot in 0..SLOTS as u8 {
-        let same = at(&last.raw, slot) == at(&strongest.raw, slot)
-            && at(&last.intensity, slot) == at(&strongest.intensity, slot);
-        let returns = if same {
-            [Some((last, Return::Both)), None]
-        } else {
-            [Some((last, Return::Last)), Some((strongest, Return::Strongest))]
-        };
-        for (slots, ret) in returns.into_iter().flatten() {
-            if at(&slots.raw, slot) == 0 {
-                continue;
-            }
-            points.push(LidarPoint {
-                xyz: [at(&slots.x, slot), at(&slots.y, slot), at(&slots.z, slot)],
-                range_m: at(&slots.range_m, slot),
-                azimuth_rad: at(&directions.azimuth_rad, slot),
-                dt_ns: firing.start_ns + at(&beams.dt_ns, slot),
-                intensity: at(&slots.intensity, slot),
-                laser: at(&beams.laser, slot),
-                ring: at(&beams.ring, slot),
-                column: firing.column + at(&beams.column, slot),
-                ret,
-            });
+    let mut hits = Hits::default();
+    for (slot, (last, strongest)) in (0u8..).zip(last.raw.iter().zip(&strongest.raw)) {
+        let same = last == strongest;
+        hits.add(slot, if same { Return::Both } else { Return::Last }, *last != 0);
+        hits.add(slot, Return::Strongest, !same && *strongest != 0);
+    }
+    let of = |ret| if ret == Return::Last { last } else { strongest };
+    points.x.extend(hits.iter().map(|(slot, ret)| at(&of(ret).x, slot)));
+    points.y.extend(hits.iter().map(|(slot, ret)| at(&of(ret).y, slot)));
+    points.z.extend(hits.iter().map(|(slot, ret)| at(&of(ret).z, slot)));
+    points.range_m.extend(hits.iter().map(|(slot, ret)| at(&of(ret).range_m, slot)));
+    points.intensity.extend(hits.iter().map(|(slot, ret)| at(&of(ret).intensity, slot)));
+    emit_beams(beams, firing, directions, &hits, points);
+}
+
+/// Appends what depends on the slot alone and not on the distance.
+#[inline]
+fn emit_beams(beams: &BeamTable, firing: &Firing, directions: &Directions, hits: &Hits, points: &mut Points) {
+    points.azimuth_rad.extend(hits.slots().map(|slot| at(&directions.azimuth_rad, slot)));
+    points.dt_ns.extend(hits.slots().map(|slot| firing.start_ns + at(&beams.dt_ns, slot)));
+    points.laser.extend(hits.slots().map(|slot| at(&beams.laser, slot)));
+    points.ring.extend(hits.slots().map(|slot| at(&beams.ring, slot)));
+    points.column.extend(hits.slots().map(|slot| firing.column + at(&beams.column, slot)));
+    points.ret.extend(hits.iter().map(|(_, ret)| ret));
+}
+
+/// The slots of a firing that have a return, in order: at most two returns a slot.
+struct Hits {
+    entries: [(u8, Return); 2 * SLOTS],
+    len: usize,
+}
+
+impl Default for Hits {
+    fn default() -> Self {
+        Self { entries: [(0, Return::Strongest); 2 * SLOTS], len: 0 }
+    }
+}
+
+impl Hits {
+    /// Writes the entry always and keeps it only if it is a hit: no branch on the data.
+    #[inline]
+    fn add(&mut self, slot: u8, ret: Return, hit: bool) {
+        if let Some(place) = self.entries.get_mut(self.len) {
+            *place = (slot, ret);
         }
+        self.len += usize::from(hit);
+    }
+
+    #[inline]
+    fn iter(&self) -> impl ExactSizeIterator<Item = (u8, Return)> + '_ {
+        self.entries.get(..self.len).unwrap_or_default().iter().copied()
+    }
+
+    #[inline]
+    fn slots(&self) -> impl ExactSizeIterator<Item = u8> + '_ {
+        self.iter().map(|(slot, _)| slot)
     }
 }
 

@@ -58,44 +58,53 @@ impl core::fmt::Display for PeriodMismatch {
     }
 }
 
-/// Compares the shortest step between stamps with what the model would have.
+/// Compares the steps between stamps with what the model would have.
 ///
-/// Loss makes a step a whole multiple of the period, so the shortest of a few that is none belongs to another model.
-/// (Periods that are multiples of each other, a VLP-16's of a VLP-32C's, cannot be told from steady loss this way.)
+/// Loss makes a step a whole multiple of the period, so the shortest step that comes again and again is either the
+/// model's or another model's. (Periods that are multiples of each other, a VLP-16's of a VLP-32C's, cannot be told from
+/// steady loss this way.) A single short step is a clock being set, or two sensors on one port, and no period.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PeriodCheck {
-    steps: u32,
-    shortest_ns: Option<i64>,
+    steps_ns: [i64; STEPS],
+    taken: usize,
     verdict: Option<PeriodMismatch>,
 }
 
 /// Steps looked at before a verdict: 20 ms of packets.
-const STEPS: u32 = 16;
+const STEPS: usize = 16;
+/// So many of them must agree on a period.
+const AGREEING: usize = 4;
 
 impl PeriodCheck {
     /// Takes one step between the stamps of packets that arrived one after the other, and says once, when it is
     /// known, that the period is another model's.
     pub fn step(&mut self, step_ns: i64, model: Model, mode: ReturnMode) -> Option<PeriodMismatch> {
-        if self.steps >= STEPS || step_ns <= 0 {
+        if step_ns <= 0 {
             return None;
         }
-        self.steps += 1;
-        let shortest_ns = self.shortest_ns.map_or(step_ns, |shortest| shortest.min(step_ns));
-        self.shortest_ns = Some(shortest_ns);
-        if self.steps < STEPS {
+        *self.steps_ns.get_mut(self.taken)? = step_ns;
+        self.taken += 1;
+        if self.taken < STEPS {
             return None;
         }
         let expected_ns = packet_period_ns(model, mode)?;
-        let periods = ((shortest_ns + expected_ns / 2) / expected_ns).max(1);
-        if near(shortest_ns, periods * expected_ns) {
+        let measured_ns = self.recurring_ns()?;
+        let periods = ((measured_ns + expected_ns / 2) / expected_ns).max(1);
+        if near(measured_ns, periods * expected_ns) {
             return None;
         }
         let fits = Model::ALL
             .into_iter()
             .filter(|other| *other != model)
-            .find(|other| packet_period_ns(*other, mode).is_some_and(|period| near(shortest_ns, period)));
-        self.verdict = Some(PeriodMismatch { claimed: model, expected_ns, measured_ns: shortest_ns, fits });
+            .find(|other| packet_period_ns(*other, mode).is_some_and(|period| near(measured_ns, period)));
+        self.verdict = Some(PeriodMismatch { claimed: model, expected_ns, measured_ns, fits });
         self.verdict
+    }
+
+    /// The shortest step that enough others agree with.
+    fn recurring_ns(&self) -> Option<i64> {
+        let agreeing = |step: i64| self.steps_ns.iter().filter(|other| near(**other, step)).count();
+        self.steps_ns.iter().copied().filter(|step| agreeing(*step) >= AGREEING).min()
     }
 
     /// The mismatch found, if there is one.
@@ -134,6 +143,16 @@ mod tests {
         let mismatch = verdict.expect("1327 µs is not 553 µs");
         assert_eq!((mismatch.measured_ns, mismatch.fits), (1_327_000, Some(Model::Vlp16)));
         assert!(mismatch.to_string().contains("lidar.model=vlp-16"), "{mismatch}");
+    }
+
+    #[test]
+    fn one_short_step_is_no_period() {
+        let mut check = PeriodCheck::default();
+        for k in 0..16 {
+            let step = if k == 8 { 263_552 } else { 663_552 };
+            assert_eq!(check.step(step, Model::Vlp32c, ReturnMode::Strongest), None);
+        }
+        assert_eq!(check.mismatch(), None);
     }
 
     #[test]

@@ -159,6 +159,16 @@ impl Product {
     }
 }
 
+impl core::fmt::Display for Product {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Supported(model) => f.write_str(model.name()),
+            Self::Unsupported(name) => f.write_str(name),
+            Self::Unknown(byte) => write!(f, "unknown ({byte:#04x})"),
+        }
+    }
+}
+
 /// Byte 1204 of a data packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

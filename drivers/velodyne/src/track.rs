@@ -8,32 +8,29 @@
 //! µs once the speed is known over some packets; the next packet's stamp then gives it exactly, and tells whether
 //! packets were lost behind it.
 
-use crate::azimuth::{Jump, Turning, forward_cdeg};
-use tumbled_model::{LidarTime, RigNs, Span};
+use crate::azimuth::{Jumps, Turning, forward_cdeg};
+pub use crate::silence::SilentSector;
+use crate::silence::{Gap, SAME_GAP_CDEG, near, packets_missing, pause_by_angle};
+use crate::speed::{Speed, TURN_CDEG};
+use tumbled_model::{LidarTime, RigNs};
 
 const HOUR_NS: i64 = LidarTime::HOUR_US as i64 * 1_000;
 
-/// Stamps and arrivals that disagree by more mean that the counter was set anew. Above every delay of a kernel-stamped
-/// packet and the silence of a 300 rpm turn (200 ms); below, a sub-second PPS alignment can hide as loss.
+/// Stamps and arrivals that disagree by more mean that the counter was set anew, unless the azimuths say otherwise.
+/// Above every usual delay of a packet and the silence of a 300 rpm turn (200 ms).
 const RESET_NS: i64 = 250_000_000;
 
 /// Nobody waits longer for the next packet; what comes then is a new beginning. Half a year.
 const MAX_SILENCE_NS: i64 = 183 * 24 * HOUR_NS;
 
-/// One turn in the azimuths' unit.
-const TURN_CDEG: f64 = 36_000.0;
-/// A step this far off its expected angle has an unknown number of turns, or the motor changed its speed: a fifth of a turn.
-const MAX_SURPRISE_CDEG: f64 = 7_200.0;
-
-/// Shortest stretch of packets that gives a speed: at 600 rpm 18°, so quantisation costs 0.06 %.
-const SPEED_MIN_NS: i64 = 5_000_000;
-/// After this stretch the speed is taken and measured afresh.
-const SPEED_SPAN_NS: i64 = 40_000_000;
+/// Where the head stands tells a gap from a clock that was set: the two agree to within this much, and 3 % of the angle
+/// turned, for a motor that changes its speed.
+const MAX_ANGLE_ERROR_CDEG: f64 = 600.0;
+/// Packets in a row that are neither new, nor repeated, nor out of a gap: the counter was set back.
+const SET_BACK_RUN: u32 = 3;
 
 /// A silence between packets is at least this wide before it can be taken for the view's limit.
 const MIN_SILENCE_CDEG: i32 = 500;
-/// Two gaps at the same azimuths to within this are the view's limit and not chance, if they are wide enough.
-const SAME_GAP_CDEG: i32 = 100;
 /// Narrower, loss itself strikes twice at the same azimuths now and then.
 const MIN_TWIN_CDEG: i32 = 1_500;
 /// Unexplained gaps remembered until the view's limits are known.
@@ -78,17 +75,6 @@ pub enum Order {
     Reset,
 }
 
-/// The sector in which a sensor with a limited field of view does not fire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SilentSector {
-    /// Azimuth of the last firing before it, 0.01°.
-    pub from_cdeg: u16,
-    /// From there to the first firing behind it, 0.01°.
-    pub width_cdeg: u16,
-    /// How much later than without it the firings behind it come, ns.
-    pub pause_ns: i64,
-}
-
 /// What the tracker says of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observation {
@@ -106,6 +92,10 @@ pub struct PacketTracker {
     silent: Option<SilentSector>,
     candidates: Vec<Gap>,
     recent: [Option<LidarTime>; RECENT],
+    /// Spans of stamps in which packets are missing, newest last.
+    missing: [Option<(LidarTime, LidarTime)>; RECENT],
+    /// Packets on end that look late without a gap they could be from.
+    set_back: u32,
     totals: StreamTotals,
 }
 
@@ -118,16 +108,7 @@ struct Last {
     last_cdeg: u16,
     median_cdeg: i32,
     groups: usize,
-    jump: Option<Jump>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Gap {
-    from_cdeg: u16,
-    to_cdeg: u16,
-    span_ns: i64,
-    period_ns: i64,
-    lost: u64,
+    jumps: Jumps,
 }
 
 impl PacketTracker {
@@ -147,49 +128,99 @@ impl PacketTracker {
             last_cdeg: turning.last_cdeg(),
             median_cdeg: turning.median_cdeg,
             groups: turning.groups,
-            jump: turning.jump,
+            jumps: turning.jumps,
         };
         let Some(last) = self.last else {
             self.last = Some(now);
             return Observation { order: Order::Next { lost: 0 }, previous_pause_ns: None };
         };
-        let Some(span_ns) = elapsed(&last, stamp, arrived) else {
-            self.totals.resets += 1;
-            self.speed.interrupt();
-            self.last = Some(now);
-            let previous_pause_ns = last.jump.map(|jump| self.pause_by_angle(&last, jump));
-            return Observation { order: Order::Reset, previous_pause_ns };
-        };
-        if span_ns <= 0 {
-            // Not newer than the newest: the newest stays what it is, its own silence still unknown.
-            let order = if seen_before { Order::Duplicate } else { Order::Late };
-            match order {
-                Order::Duplicate => self.totals.duplicates += 1,
-                _ => {
-                    self.totals.late += 1;
-                    self.totals.lost = self.totals.lost.saturating_sub(1); // it was counted when its successor came
-                }
+        let span_ns = elapsed(&last, stamp, arrived);
+        if span_ns.is_some_and(|span| span <= 0) {
+            if let Some(order) = self.not_newer(stamp, seen_before) {
+                return Observation { order, previous_pause_ns: None };
             }
-            return Observation { order, previous_pause_ns: None };
+        } else if let Some(span_ns) = span_ns.filter(|span| self.is_continuous(&last, &now, *span)) {
+            self.set_back = 0;
+            return self.newer(&last, now, span_ns);
         }
-        let (lost, previous_pause_ns) = match last.jump {
-            Some(jump) => {
-                let (lost, pause_ns) = self.behind_jump(&last, jump, &now, span_ns);
-                (lost, Some(pause_ns))
-            }
-            None => (self.between(&last, &now, span_ns), None),
+        self.totals.resets += 1;
+        self.set_back = 0;
+        self.missing = [None; RECENT];
+        self.speed.interrupt();
+        self.last = Some(now);
+        Observation { order: Order::Reset, previous_pause_ns: self.pause_by_angle(&last) }
+    }
+
+    /// A packet in its order: what is missing before it.
+    fn newer(&mut self, last: &Last, now: Last, span_ns: i64) -> Observation {
+        let (lost, previous_pause_ns) = if last.jumps.is_empty() {
+            (self.between(last, &now, span_ns), None)
+        } else {
+            let (lost, pause_ns) = self.behind_jump(last, &now, span_ns);
+            (lost, Some(pause_ns))
         };
         // The head turns on through loss and silence alike: only a gap of so many turns that their number is in doubt
         // says nothing about its speed.
-        let turned_cdeg = self.speed_or_rough(&last) * span_ns as f64;
+        let turned_cdeg = self.speed_or_rough(last) * span_ns as f64;
         self.speed.advance(forward_cdeg(last.first_cdeg, now.first_cdeg), turned_cdeg, span_ns);
         if lost > 0 {
             self.totals.lost += lost;
             self.totals.gaps += 1;
             self.totals.longest_gap = self.totals.longest_gap.max(lost);
+            self.missing.rotate_left(1);
+            if let Some(newest) = self.missing.last_mut() {
+                *newest = Some((last.stamp, now.stamp));
+            }
         }
         self.last = Some(now);
         Observation { order: Order::Next { lost }, previous_pause_ns }
+    }
+
+    /// A packet with a stamp no newer than the newest: repeated, or late, or (`None`) of a counter that was set back.
+    fn not_newer(&mut self, stamp: LidarTime, seen_before: bool) -> Option<Order> {
+        if seen_before {
+            self.totals.duplicates += 1;
+            return Some(Order::Duplicate);
+        }
+        let inside = |(from, to): (LidarTime, LidarTime)| stamp.since(from).0 > 0 && to.since(stamp).0 > 0;
+        let out_of_a_gap = self.missing.iter().flatten().any(|gap| inside(*gap));
+        if out_of_a_gap {
+            self.totals.lost = self.totals.lost.saturating_sub(1); // it was counted when its successor came
+            self.set_back = 0;
+        } else {
+            self.set_back += 1;
+            if self.set_back >= SET_BACK_RUN {
+                self.totals.late = self.totals.late.saturating_sub(u64::from(SET_BACK_RUN) - 1);
+                return None;
+            }
+        }
+        self.totals.late += 1;
+        Some(Order::Late)
+    }
+
+    /// Whether a newer packet belongs to the same run of the counter.
+    ///
+    /// The head is the witness: it stands where the time between the stamps says it must, or the counter was set. Only
+    /// where there is no speed to go by do the arrivals decide, which a stalled host delays.
+    fn is_continuous(&self, last: &Last, now: &Last, span_ns: i64) -> bool {
+        let by_arrival = (now.arrived - last.arrived).0;
+        let apart = (span_ns - by_arrival).abs();
+        let silence_ns = self.pause_by_angle(last).unwrap_or(0);
+        if packets_missing(span_ns - silence_ns, last.period_ns) == 0 {
+            return true;
+        }
+        let Some(speed) = self.speed.measured() else {
+            return apart <= RESET_NS + by_arrival.abs() / 1_000;
+        };
+        let turned = speed * span_ns as f64;
+        let seen = f64::from(forward_cdeg(last.first_cdeg, now.first_cdeg));
+        let error = turned - seen - TURN_CDEG * libm::round((turned - seen) / TURN_CDEG);
+        let tolerance = MAX_ANGLE_ERROR_CDEG + 0.03 * turned;
+        if tolerance >= TURN_CDEG / 4.0 {
+            // Too long ago for the azimuth to say anything.
+            return apart <= RESET_NS + by_arrival.abs() / 1_000;
+        }
+        error.abs() <= tolerance
     }
 
     /// Counts a packet of a sensor without a clock: nothing can be said of what is missing before it.
@@ -224,52 +255,70 @@ impl PacketTracker {
 
     /// The best estimate of a silence inside the newest packet, for when no packet follows, ns.
     pub fn pending_pause_ns(&self) -> Option<i64> {
-        let last = self.last?;
-        last.jump.map(|jump| self.pause_by_angle(&last, jump))
+        self.last.and_then(|last| self.pause_by_angle(&last))
+    }
+
+    /// The silence inside a packet by the widths of its jumps, for one that came late or twice, ns.
+    pub fn pause_of_ns(&self, turning: &Turning, period_ns: i64) -> i64 {
+        let speed = self.speed_or(turning.median_cdeg, turning.groups, period_ns);
+        let (angle_cdeg, jumps) = (turning.jumps.total_cdeg(), turning.jumps.count());
+        pause_by_angle(angle_cdeg, jumps, speed, turning.groups, period_ns)
     }
 
     /// Speed in 0.01° per ns: measured over some packets, or else from the newest packet alone.
     fn speed_or_rough(&self, last: &Last) -> f64 {
-        let rough = f64::from(last.median_cdeg) * last.groups as f64 / last.period_ns as f64;
+        self.speed_or(last.median_cdeg, last.groups, last.period_ns)
+    }
+
+    fn speed_or(&self, median_cdeg: i32, groups: usize, period_ns: i64) -> f64 {
+        let rough = f64::from(median_cdeg) * groups as f64 / period_ns as f64;
         self.speed.measured().unwrap_or(rough)
     }
 
-    /// The silence that the width of the jump tells: the time to turn through it less the one firing cycle that
-    /// passes anyway, on the sensor's own grid of firing cycles.
-    fn pause_by_angle(&self, last: &Last, jump: Jump) -> i64 {
+    /// The silence in a packet by the widths of its jumps; `None` when it has none.
+    fn pause_by_angle(&self, last: &Last) -> Option<i64> {
         let speed = self.speed_or_rough(last);
-        if speed <= 0.0 {
-            return 0;
-        }
-        let cycle = last.period_ns as f64 / last.groups as f64;
-        let cycles = libm::round(f64::from(jump.width_cdeg) / speed / cycle) - 1.0;
-        (cycles.max(0.0) * cycle) as i64
+        let (angle_cdeg, jumps) = (last.jumps.total_cdeg(), last.jumps.count());
+        (jumps > 0).then(|| pause_by_angle(angle_cdeg, jumps, speed, last.groups, last.period_ns))
     }
 
-    /// Packets lost behind a packet that holds a jump, and the jump's exact pause.
-    fn behind_jump(&mut self, last: &Last, jump: Jump, now: &Last, span_ns: i64) -> (u64, i64) {
+    /// Packets lost behind a packet that holds jumps, and the jumps' exact pause.
+    fn behind_jump(&mut self, last: &Last, now: &Last, span_ns: i64) -> (u64, i64) {
         let period = last.period_ns;
+        let (_, width_cdeg) = last.jumps.first().unwrap_or_default();
+        let behind_cdeg = forward_cdeg(last.last_cdeg, now.first_cdeg);
+        // A narrow view can end again right behind the packet: that silence is between the two packets and not in this one.
+        let from_cdeg = last.last_cdeg_before_jumps();
+        let ends_again = near(last.last_cdeg, from_cdeg) && (behind_cdeg - i32::from(width_cdeg)).abs() < SAME_GAP_CDEG;
+        let (angle_cdeg, jumps) = match ends_again {
+            true => (last.jumps.total_cdeg() + behind_cdeg as u32, last.jumps.count() + 1),
+            false => (last.jumps.total_cdeg(), last.jumps.count()),
+        };
+        let by_angle = pause_by_angle(angle_cdeg, jumps, self.speed_or_rough(last), last.groups, period);
         let lost = if self.speed.measured().is_some() {
             // Behind the jump the head may have come round to the silent sector again.
-            let span_ns = span_ns - self.pause_by_angle(last, jump);
+            let span_ns = span_ns - by_angle;
             let gap = Gap { from_cdeg: last.last_cdeg, to_cdeg: now.first_cdeg, span_ns, period_ns: period, lost: 0 };
             match (packets_missing(span_ns, period), self.silent) {
-                (1.., Some(silent)) => self.explain(&gap, silent).0,
+                (1.., Some(silent)) if !ends_again => gap.explain(silent, self.speed.measured()).0,
                 (missing, _) => missing,
             }
+        } else if ends_again {
+            0 // too rough a speed to tell a lost packet from an uneven one
         } else {
             // One packet's own speed is too coarse for half a turn, yet good enough for the short way from this
             // packet's last azimuth to the next one's first.
             let packet_cdeg = i64::from(last.median_cdeg) * last.groups as i64;
-            let behind = i64::from(forward_cdeg(last.last_cdeg, now.first_cdeg) - last.median_cdeg);
+            let behind = i64::from(behind_cdeg - last.median_cdeg);
             if packet_cdeg > 0 { ((behind + packet_cdeg / 2) / packet_cdeg).max(0) as u64 } else { 0 }
         };
         let exact = span_ns - (lost as i64 + 1) * period;
-        let pause_ns = if exact >= 0 { exact } else { self.pause_by_angle(last, jump) };
-        self.totals.pauses += 1;
-        let from_cdeg = last.last_cdeg_before_jump(jump);
-        self.learn(SilentSector { from_cdeg, width_cdeg: jump.width_cdeg, pause_ns });
-        (lost, pause_ns)
+        let silence_ns = if exact >= 0 { exact } else { by_angle };
+        self.totals.pauses += jumps as u64;
+        self.learn(SilentSector { from_cdeg, width_cdeg, pause_ns: silence_ns / jumps.max(1) as i64 });
+        // Of the silence, the part within the packet.
+        let within = i128::from(last.jumps.total_cdeg()) * i128::from(silence_ns) / i128::from(angle_cdeg.max(1));
+        (lost, within as i64)
     }
 
     /// Packets lost between two packets, the silences in between taken off.
@@ -281,7 +330,7 @@ impl PacketTracker {
         }
         let gap = Gap { from_cdeg: last.last_cdeg, to_cdeg: now.first_cdeg, span_ns, period_ns: period, lost: missing };
         if let Some(silent) = self.silent {
-            let (lost, passes) = self.explain(&gap, silent);
+            let (lost, passes) = gap.explain(silent, self.speed.measured());
             self.totals.pauses += passes;
             return lost;
         }
@@ -314,7 +363,7 @@ impl PacketTracker {
     fn learn(&mut self, silent: SilentSector) {
         self.silent = Some(silent);
         for gap in core::mem::take(&mut self.candidates) {
-            let (lost, passes) = self.explain(&gap, silent);
+            let (lost, passes) = gap.explain(silent, self.speed.measured());
             self.totals.pauses += passes;
             self.totals.lost = self.totals.lost.saturating_sub(gap.lost.saturating_sub(lost));
             if lost == 0 {
@@ -325,42 +374,19 @@ impl PacketTracker {
             }
         }
     }
-
-    /// Packets lost in a gap, and how often the head passed the silent sector in it.
-    fn explain(&self, gap: &Gap, silent: SilentSector) -> (u64, u64) {
-        // The middle of the sector is passed, wherever exactly its ends lie this turn.
-        let middle = (u32::from(silent.from_cdeg) + u32::from(silent.width_cdeg) / 2) % 36_000;
-        let to_middle = i64::from(forward_cdeg(gap.from_cdeg, middle as u16));
-        let direct = i64::from(forward_cdeg(gap.from_cdeg, gap.to_cdeg));
-        // Whole turns within the gap, from the time it took; without a speed there is less than one.
-        let turned = self.speed.measured().map_or(direct as f64, |speed| speed * gap.span_ns as f64);
-        let whole_turns = libm::round((turned - direct as f64) / TURN_CDEG).max(0.0) as i64;
-        let passes = whole_turns + i64::from((0..=direct).contains(&to_middle));
-        (packets_missing(gap.span_ns - passes * silent.pause_ns, gap.period_ns), passes as u64)
-    }
-}
-
-impl Gap {
-    fn same_place(&self, other: &Self) -> bool {
-        let near = |a: u16, b: u16| {
-            let d = forward_cdeg(a, b).rem_euclid(36_000);
-            d.min(36_000 - d) < SAME_GAP_CDEG
-        };
-        near(self.from_cdeg, other.from_cdeg) && near(self.to_cdeg, other.to_cdeg)
-    }
 }
 
 impl Last {
-    /// Azimuth of the last group before the jump, counted back from the packet's end.
-    fn last_cdeg_before_jump(&self, jump: Jump) -> u16 {
-        let behind = self.groups as i32 - 2 - i32::from(jump.after_group);
-        let back = behind * self.median_cdeg + i32::from(jump.width_cdeg);
+    /// Azimuth of the last group before the last jump, counted back from the packet's end.
+    fn last_cdeg_before_jumps(&self) -> u16 {
+        let (group, width) = self.jumps.last().unwrap_or((self.groups - 1, 0));
+        let behind = self.groups as i32 - 2 - group as i32;
+        let back = behind * self.median_cdeg + i32::from(width);
         (i32::from(self.last_cdeg) - back).rem_euclid(36_000) as u16
     }
 }
 
-/// Device time from the newest packet to this one, hours resolved by the arrivals; `None` when the two clocks
-/// disagree so much that the device's was set anew.
+/// Device time from the newest packet to this one, hours resolved by the arrivals; `None` when these are no help.
 fn elapsed(last: &Last, stamp: LidarTime, arrived: RigNs) -> Option<i64> {
     let short = stamp.since(last.stamp).0;
     let by_arrival = (arrived - last.arrived).0;
@@ -368,53 +394,7 @@ fn elapsed(last: &Last, stamp: LidarTime, arrived: RigNs) -> Option<i64> {
         return None;
     }
     let hours = (by_arrival - short + HOUR_NS / 2).div_euclid(HOUR_NS);
-    let span = Span(short + hours * HOUR_NS).0;
-    let allowed = RESET_NS + by_arrival.abs() / 1_000;
-    ((span - by_arrival).abs() <= allowed).then_some(span)
-}
-
-/// Packets missing in a span between two stamps.
-fn packets_missing(span_ns: i64, period_ns: i64) -> u64 {
-    let periods = (span_ns + period_ns / 2) / period_ns.max(1);
-    (periods - 1).max(0) as u64
-}
-
-/// The head's speed over some packets.
-#[derive(Clone, Copy, Debug, Default)]
-struct Speed {
-    angle_cdeg: i64,
-    span_ns: i64,
-    taken: Option<f64>,
-}
-
-impl Speed {
-    /// Adds one step: its angle modulo a turn, the angle expected by the speed so far, its time.
-    fn advance(&mut self, step_cdeg: i32, expected_cdeg: f64, span_ns: i64) {
-        let turns = libm::round((expected_cdeg - f64::from(step_cdeg)) / TURN_CDEG);
-        let angle_cdeg = f64::from(step_cdeg) + turns * TURN_CDEG;
-        if (angle_cdeg - expected_cdeg).abs() > MAX_SURPRISE_CDEG {
-            self.interrupt();
-            return;
-        }
-        self.angle_cdeg += angle_cdeg as i64;
-        self.span_ns += span_ns;
-        if self.span_ns >= SPEED_SPAN_NS {
-            self.interrupt();
-        }
-    }
-
-    /// Takes the speed of the stretch behind; the next one starts afresh.
-    fn interrupt(&mut self) {
-        if self.span_ns >= SPEED_MIN_NS {
-            self.taken = Some(self.angle_cdeg as f64 / self.span_ns as f64);
-        }
-        self.angle_cdeg = 0;
-        self.span_ns = 0;
-    }
-
-    /// 0.01° per ns; `None` before enough packets, or when the motor stands.
-    fn measured(&self) -> Option<f64> {
-        let current = (self.span_ns >= SPEED_MIN_NS).then(|| self.angle_cdeg as f64 / self.span_ns as f64);
-        self.taken.or(current).filter(|speed| *speed > 0.0)
-    }
+    let span = short + hours * HOUR_NS;
+    // A counter that went back by more than any packet can be late was set.
+    (span > 0 || (span - by_arrival).abs() <= RESET_NS + by_arrival.abs() / 1_000).then_some(span)
 }

@@ -348,6 +348,232 @@ fn a_second_sensor_on_the_port_is_counted_and_not_mixed_in() {
 }
 
 #[test]
+fn a_stray_first_packet_does_not_decide_the_model() {
+    let mut packets = Sensor::new(Model::Vlp32c, ReturnMode::Strongest).packets(1, far);
+    packets.extend(Sensor::new(Model::Vlp16, ReturnMode::Strongest).packets(50, far));
+    let (decoder, out) = run(&packets, Settings::default());
+    assert_eq!(decoder.model(), Some(Model::Vlp16));
+    // The stray, and all but the seven packets it took to find out.
+    assert_eq!(out.packets.len(), 1 + 50 - 7);
+    assert_eq!(decoder.tracker().totals().lost, 0);
+}
+
+#[test]
+fn a_forced_model_that_the_packets_contradict_is_told() {
+    let packets = Sensor::new(Model::Vlp16, ReturnMode::Strongest).packets(5, far);
+    let forced = |model| run(&packets, Settings { model: Some(model), ..Settings::default() }).0.contradiction();
+    assert_eq!(forced(Model::Vlp32c), Some(tumbled_velodyne::Product::Supported(Model::Vlp16)));
+    assert_eq!(forced(Model::Vlp16), None);
+}
+
+/// Shifts the stamps and not the arrivals of all packets from `from` on.
+fn set_clock(packets: &mut [Packet], from: usize, shift_us: i32) {
+    for packet in packets.iter_mut().skip(from) {
+        let stamp = u32::from_le_bytes(packet.bytes[1200..1204].try_into().expect("four bytes"));
+        packet.bytes[1200..1204].copy_from_slice(&stamp.wrapping_add_signed(shift_us).to_le_bytes());
+    }
+}
+
+#[test]
+fn a_clock_set_by_less_than_a_second_is_a_reset_and_not_loss() {
+    for sensor in [
+        Sensor::new(Model::Vlp32c, ReturnMode::Strongest),
+        Sensor { silent_deg: Some((91.0, 270.0)), start_deg: 271.0, ..Sensor::new(Model::Vlp32c, ReturnMode::Dual) },
+    ] {
+        for shift_us in [-900_000, -200_000, -123_456, -20_000, 13_000, 70_000, 123_456, 237_000, 900_000] {
+            let mut packets = sensor.packets(900, far);
+            set_clock(&mut packets, 400, shift_us);
+            // Five packets lost well behind the step are still counted.
+            packets.drain(700..705);
+            let (decoder, out) = run(&packets, Settings::default());
+            let totals = decoder.tracker().totals();
+            assert_eq!((totals.resets, totals.lost), (1, 5), "{:?} {shift_us} µs: {totals:?}", sensor.silent_deg);
+            assert_eq!(out.packets.len(), 895);
+        }
+    }
+}
+
+#[test]
+fn a_stalled_host_is_no_reset_and_hides_no_loss() {
+    let mut packets = Sensor::new(Model::Vlp32c, ReturnMode::Strongest).packets(2_000, far);
+    packets.drain(1_500..1_510);
+    let mut decoder = StreamDecoder::new(Settings::default());
+    let mut out = Decoded::default();
+    for (k, packet) in packets.iter().enumerate() {
+        // For 0.4 s nothing is fetched, then all at once.
+        let arrived = if (1_000..1_603).contains(&k) { packets[1_603].t_ns } else { packet.t_ns };
+        decoder.push(&packet.bytes, RigNs(arrived), &mut out);
+    }
+    let totals = decoder.tracker().totals();
+    assert_eq!((totals.resets, totals.lost), (0, 10));
+}
+
+#[test]
+fn one_early_stamp_does_not_change_the_period() {
+    for shift_us in [-400, -200, 300] {
+        let mut packets = Sensor::new(Model::Vlp32c, ReturnMode::Strongest).packets(400, far);
+        set_clock(&mut packets, 8, shift_us);
+        let (decoder, _) = run(&packets, Settings::default());
+        assert_eq!((decoder.period_mismatch(), decoder.tracker().totals().lost), (None, 0), "{shift_us} µs");
+    }
+}
+
+/// Times of all points after the sensor's first firing, against the truth.
+fn worst_time_error(sensor: &Sensor, packets: &[Packet], out: &Decoded) -> i64 {
+    let beams = tumbled_velodyne::beams::BeamTable::new(sensor.model.spec().expect("built-in"), false);
+    let lasers = sensor.model.lasers();
+    let columns = 32 / lasers;
+    let mut worst = 0;
+    for info in &out.packets {
+        let packet = &packets[info.index as usize];
+        for p in out.points.iter_range(info.points.clone()) {
+            let slot = usize::from(p.laser) + usize::from(p.column) % columns * lasers;
+            let group_ns = packet.group_t_ns[usize::from(p.column) / columns] - packet.t_ns;
+            worst = worst.max((i64::from(p.dt_ns) - group_ns - i64::from(beams.beam(slot).expect("slot").dt_ns)).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn a_late_or_repeated_packet_with_a_jump_has_its_pause_too() {
+    let sensor = Sensor {
+        silent_deg: Some((91.0, 270.0)),
+        start_deg: 271.0,
+        ..Sensor::new(Model::Vlp32c, ReturnMode::Strongest)
+    };
+    let packets = sensor.packets(400, far);
+    let mut swapped = packets.clone();
+    for k in (0..398).filter(|k| packets[*k].has_jump) {
+        swapped.swap(k, k + 1);
+    }
+    let (_, out) = run(&swapped, Settings::default());
+    assert!(out.packets.iter().any(|info| info.azimuth_jump && info.order == Order::Late));
+    // A pause by angle lies on the grid of firing cycles, so it is the pause itself, to the stamps' 1 µs.
+    assert!(worst_time_error(&sensor, &swapped, &out) <= 1_000);
+    let doubled: Vec<Packet> = packets.iter().flat_map(|packet| [packet.clone(), packet.clone()]).collect();
+    let (decoder, out) = run(&doubled, Settings::default());
+    assert_eq!(decoder.tracker().totals().duplicates, 400);
+    assert!(worst_time_error(&sensor, &doubled, &out) <= 1_000);
+}
+
+#[test]
+fn a_view_narrower_than_a_packet_pauses_more_than_once_in_it() {
+    for (model, mode, view) in [
+        (Model::Vlp16, ReturnMode::Strongest, 2.0),
+        (Model::Vlp16, ReturnMode::Strongest, 4.0),
+        (Model::Vlp32c, ReturnMode::Strongest, 1.0),
+        (Model::Vlp32c, ReturnMode::Dual, 1.3),
+    ] {
+        let sensor = Sensor { silent_deg: Some((view, 0.0)), start_deg: 0.001, ..Sensor::new(model, mode) };
+        let packets = sensor.packets(60, far);
+        let (decoder, out) = run(&packets[..59], Settings::default());
+        assert_eq!(decoder.tracker().totals().lost, 0, "{model} {view}°");
+        // The pauses of a packet are shared out by the widths of its jumps, which are rounded to 0.02° of 360°.
+        assert!(
+            worst_time_error(&sensor, &packets, &out) <= 20_000,
+            "{model} {view}°: {}",
+            worst_time_error(&sensor, &packets, &out)
+        );
+    }
+}
+
+#[test]
+fn hdl32e_stamps_of_the_last_firing_end_at_zero_in_both_return_modes() {
+    use tumbled_velodyne::stream::StampReference;
+    for mode in [ReturnMode::Strongest, ReturnMode::Dual] {
+        let packets = Sensor::new(Model::Hdl32e, mode).packets(3, far);
+        let settings = Settings { hdl32e_stamp: StampReference::LastFiring, ..Settings::default() };
+        let (_, out) = run(&packets, settings);
+        assert_eq!(out.points.dt_ns.iter().max(), Some(&0), "{mode}");
+    }
+}
+
+#[test]
+fn equal_distances_are_one_return_whatever_their_reflectivity() {
+    let packets = Sensor::new(Model::Vlp16, ReturnMode::Dual).packets(1, far);
+    let mut packet = packets[0].clone();
+    packet.bytes[6] = 10; // even block, slot 0: the last return's reflectivity
+    packet.bytes[106] = 20; // odd block: the strongest one's
+    let (_, out) = run(&[packet], Settings::default());
+    let first = out.points.get(0).expect("a point");
+    assert_eq!((out.points.len(), first.intensity, first.ret as u8), (192, 20, 3));
+}
+
+#[test]
+fn an_hdl64e_with_a_limited_view_has_its_pauses_too() {
+    use tumbled_velodyne::hdl64::encode::{Hdl64Encoder, Said, Slot};
+    use tumbled_velodyne::hdl64::{Calibration, Generation, Unit};
+    let calibration = Calibration::parse(include_str!("../../../tests/captures/hdl64e-made.csv")).expect("64 lasers");
+    let mut encoder = Hdl64Encoder::new(Generation::S2, &calibration, &Unit::default());
+    let time = CivilTime { year: 2026, month: 11, day: 22, hour: 9, minute: 0, second: 0, nanosecond: 0 };
+    let said = Said { time, gps: 0, temperature_c: 40, firmware: 7, warnings: 0 };
+    // S2: a firing of both banks every 48 µs; 600 rpm; silent from 100° to 200°.
+    let mut decoder = StreamDecoder::new(Settings { hdl64e_calibration: Some(calibration), ..Settings::default() });
+    let mut out = Decoded::default();
+    let (mut t_ns, mut truth) = (0i64, Vec::new());
+    for _ in 0..800 {
+        let mut firings = Vec::new();
+        while firings.len() < 6 {
+            let azimuth = (50.0 + 3_600.0 * t_ns as f64 * 1e-9).rem_euclid(360.0);
+            if !(100.0..200.0).contains(&azimuth) {
+                firings.push((t_ns, (azimuth * 100.0) as u16));
+            }
+            t_ns += 48_000;
+        }
+        let azimuths = core::array::from_fn(|block| firings[block / 2].1);
+        let slots = [[Slot { raw: 5_000, intensity: 9 }; 32]; 12];
+        let stamp = LidarTime((firings[0].0 / 1_000) as u32);
+        decoder.push(&encoder.encode(stamp, &azimuths, &slots, &said), RigNs(t_ns), &mut out);
+        truth.push(firings);
+    }
+    decoder.finish(&mut out);
+    assert_eq!((out.packets.len(), decoder.tracker().totals().lost), (800, 0));
+    assert!(decoder.tracker().totals().pauses >= 3);
+    for info in &out.packets[2..799] {
+        let firings = &truth[info.index as usize];
+        for p in out.points.iter_range(info.points.clone()) {
+            let cycle_ns = firings[usize::from(p.column)].0 - firings[0].0;
+            // Within a cycle the lasers fire over 48 µs.
+            let within = i64::from(p.dt_ns) - cycle_ns;
+            assert!((-1_000..49_000).contains(&within), "packet {} column {}: {within} ns", info.index, p.column);
+        }
+    }
+}
+
+#[test]
+fn numbers_of_packets_count_the_broken_ones_too() {
+    let mut packets = Sensor::new(Model::Vlp16, ReturnMode::Strongest).packets(4, far);
+    packets[1].bytes[0] = 0;
+    let (_, out) = run(&packets, Settings::default());
+    assert_eq!(out.packets.iter().map(|info| info.index).collect::<Vec<_>>(), [0, 2, 3]);
+}
+
+#[test]
+fn a_steady_stream_does_not_allocate() {
+    let sensor = Sensor {
+        silent_deg: Some((91.0, 270.0)),
+        start_deg: 271.0,
+        ..Sensor::new(Model::Vlp32c, ReturnMode::Strongest)
+    };
+    let packets = sensor.packets(600, far);
+    let mut decoder = StreamDecoder::new(Settings::default());
+    let mut out = Decoded::default();
+    let mut memory = None;
+    for (k, packet) in packets.iter().enumerate() {
+        if k % 76 == 0 {
+            out.clear();
+        }
+        decoder.push(&packet.bytes, RigNs(packet.t_ns), &mut out);
+        if k == 300 {
+            memory = Some((out.points.x.as_ptr(), out.points.x.capacity(), out.packets.as_ptr()));
+        }
+    }
+    // Columns that grew would lie elsewhere.
+    assert_eq!(memory, Some((out.points.x.as_ptr(), out.points.x.capacity(), out.packets.as_ptr())));
+}
+
+#[test]
 fn range_limits_leave_out_and_count() {
     let near_and_far = |slot: usize, _| (if slot == 0 { 50 } else { 1_000 }, 0); // 0.2 m and 4 m
     let packets = Sensor::new(Model::Vlp32c, ReturnMode::Strongest).packets(3, near_and_far);

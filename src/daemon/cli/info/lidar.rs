@@ -9,7 +9,7 @@ use tumbled_velodyne::position::PositionPacket;
 use tumbled_velodyne::stream::{Decoded, PacketInfo, StampReference, StreamDecoder};
 use tumbled_velodyne::track::Order;
 use tumbled_velodyne::wire::{BLOCKS, SLOTS};
-use tumbled_velodyne::{DataPacket, Model, Points, Product, Return};
+use tumbled_velodyne::{DataPacket, Model, Points, Product, Return, ReturnMode};
 
 use super::histogram::Histogram;
 use super::report::lidar::{Returns, Sentences};
@@ -99,7 +99,11 @@ impl LidarWatch {
     pub(super) fn first_firing(&self) -> Span {
         let spec = self.decoder.model().filter(|model| *model == Model::Hdl32e).and_then(Model::spec);
         match (spec, self.stamp_reference) {
-            (Some(spec), StampReference::LastFiring) => Span(-i64::from(BeamTable::new(spec, false).last_firing_ns())),
+            (Some(spec), StampReference::LastFiring) => {
+                let dual = self.decoder.counts().modes.contains_key(&ReturnMode::Dual);
+                let groups = BLOCKS / if dual { 2 } else { 1 };
+                Span(-i64::from(BeamTable::new(spec, false).last_firing_ns(groups)))
+            }
             _ => Span(0),
         }
     }
