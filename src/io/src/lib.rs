@@ -1,10 +1,12 @@
-//! Raw bytes from files into one ordered ledger: the impure shell's door for data.
+//! Raw bytes from files and sensors into one ordered ledger: the impure shell's door for data.
 //!
 //! ```text
 //!   .pcap .pcapng ─┐
 //!   ROS 2 bag ─────┤ capture::open      capture::merge
 //!   fakenect ──────┼──────────────▶ Capture ─────────▶ Event, Event, … ──▶ decoders
 //!   depth PNGs ────┘  (one per input)      (by host time)
+//!
+//!   UDP sockets ────── live::Source ─▶ Intake ─▶ live::ledger ─▶ Event, Event, … ──▶ core, recorder
 //! ```
 //!
 //! Nothing here decodes a sensor's payload: it is handed on as it was received, with the instant the
@@ -12,3 +14,4 @@
 #![forbid(unsafe_code)]
 
 pub mod capture;
+pub mod live;

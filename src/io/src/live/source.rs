@@ -1,0 +1,246 @@
+//! What a source is: something that puts raw events into the ledger.
+
+use super::intake::Intake;
+use super::stop::StopToken;
+use core::fmt;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::atomic::{AtomicU64, Ordering};
+use tumbled_model::{LossPoint, SensorId};
+
+/// Something that puts raw events into the ledger. Runs on an OS thread of its own.
+pub trait Source: Send {
+    /// What it is, for the operator and for a recording's metadata.
+    fn describe(&self) -> SourceInfo;
+
+    /// Delivers until it is done or told to stop.
+    ///
+    /// # Errors
+    /// When the device or socket fails; whoever supervises opens it again.
+    fn run(self: Box<Self>, sink: Intake, stop: StopToken) -> Result<Summary, SourceError>;
+}
+
+/// Opens a source, again and again.
+pub trait Opener: Send {
+    /// The sensor it opens.
+    fn sensor(&self) -> &SensorId;
+
+    /// Opens it.
+    ///
+    /// # Errors
+    /// When the device is absent or refused; the message says what to do.
+    fn open(&mut self) -> Result<Box<dyn Source>, SourceError>;
+}
+
+/// What a source is, once it is open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SourceInfo {
+    /// Whose data it gives.
+    pub sensor: SensorId,
+    /// Where they come from.
+    pub device: Device,
+    /// What the operator should know and change.
+    pub warnings: Vec<SourceWarning>,
+}
+
+impl SourceInfo {
+    /// A source without warnings.
+    pub fn new(sensor: SensorId, device: Device) -> Self {
+        Self { sensor, device, warnings: Vec::new() }
+    }
+}
+
+/// Where a source's data come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Device {
+    /// UDP sockets.
+    Udp(UdpInfo),
+    /// Values in memory or a file, not a device.
+    Stored,
+}
+
+/// The sockets of a LiDAR.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct UdpInfo {
+    /// Address and port of the data socket as bound: a configured port 0 shows the port chosen.
+    pub data: SocketAddr,
+    /// Of the position socket.
+    pub position: Option<SocketAddr>,
+    /// Only datagrams from this address count.
+    pub source: Option<IpAddr>,
+    /// The data socket's receive buffer.
+    pub buffer: ReceiveBuffer,
+}
+
+/// A socket's receive buffer, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReceiveBuffer {
+    /// Asked for.
+    pub requested: usize,
+    /// Usable size that the kernel granted: half of what it reports, the other half being its own bookkeeping.
+    pub granted: usize,
+}
+
+/// What the operator should know about a source that works all the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SourceWarning {
+    /// The kernel granted less than 1 MiB of receive buffer: a short pause of this machine loses packets.
+    SmallReceiveBuffer(ReceiveBuffer),
+}
+
+impl fmt::Display for SourceWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SmallReceiveBuffer(buffer) => write!(
+                f,
+                "the kernel granted a receive buffer of {} bytes of the {} asked for: packets are lost when this machine \
+                 is busy for a moment; allow more with `sysctl -w net.core.rmem_max=8388608`",
+                buffer.granted, buffer.requested
+            ),
+        }
+    }
+}
+
+/// Why a source does not deliver.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SourceError {
+    /// Another socket has the port.
+    #[error(
+        "UDP port {port} is in use: `ss -ulpn 'sport = :{port}'` shows by whom; end that program or set another port"
+    )]
+    PortInUse {
+        /// The port.
+        port: u16,
+    },
+    /// The port is reserved, or the system's policy forbids the socket.
+    #[error(
+        "no permission to receive on UDP port {port}: ports below 1024 need the capability CAP_NET_BIND_SERVICE, \
+         binding to an interface may need CAP_NET_RAW ({error})"
+    )]
+    NotPermitted {
+        /// The port.
+        port: u16,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// The bind address belongs to no interface.
+    #[error(
+        "no interface of this machine has the address {address}: `ip address` lists those it has; 0.0.0.0 takes all"
+    )]
+    NoSuchAddress {
+        /// The configured address.
+        address: IpAddr,
+    },
+    /// The interface is not there, or not any more.
+    #[error("there is no network interface `{interface}`: `ip link` lists them")]
+    NoSuchInterface {
+        /// The configured name.
+        interface: String,
+    },
+    /// The system refused something else while opening.
+    #[error("cannot open UDP port {port}: {step} failed: {error}")]
+    Open {
+        /// The port.
+        port: u16,
+        /// What was tried.
+        step: &'static str,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// An open socket failed.
+    #[error("receiving from {address} failed: {error}")]
+    Receive {
+        /// The socket's own address.
+        address: SocketAddr,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// The ledger ended before the source was told to stop.
+    #[error("the ledger has ended: nothing takes the data of {sensor} any more")]
+    LedgerClosed {
+        /// Whose.
+        sensor: SensorId,
+    },
+}
+
+impl SourceError {
+    /// Whether another attempt can help. Only a ledger that has ended is final: cables, ports and permissions change.
+    pub fn is_worth_a_retry(&self) -> bool {
+        !matches!(self, Self::LedgerClosed { .. })
+    }
+}
+
+/// A source's counts while it runs; read from any thread.
+#[derive(Debug, Default)]
+pub struct SourceCounters {
+    pub(super) delivered: AtomicU64,
+    pub(super) bytes: AtomicU64,
+    pub(super) lost_kernel: AtomicU64,
+    pub(super) lost_queue: AtomicU64,
+    pub(super) lost_usb: AtomicU64,
+    pub(super) other_source: AtomicU64,
+    pub(super) oversized: AtomicU64,
+    pub(super) clock_steps: AtomicU64,
+    pub(super) stamped_at_reading: AtomicU64,
+}
+
+impl SourceCounters {
+    /// The counts now. Each is exact; together they are of about the same instant.
+    pub fn snapshot(&self) -> Summary {
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        Summary {
+            delivered: read(&self.delivered),
+            bytes: read(&self.bytes),
+            lost_kernel: read(&self.lost_kernel),
+            lost_queue: read(&self.lost_queue),
+            lost_usb: read(&self.lost_usb),
+            other_source: read(&self.other_source),
+            oversized: read(&self.oversized),
+            clock_steps: read(&self.clock_steps),
+            stamped_at_reading: read(&self.stamped_at_reading),
+        }
+    }
+
+    pub(super) fn add(count: &AtomicU64, n: u64) {
+        count.fetch_add(n, Ordering::Relaxed);
+    }
+
+    /// The count of one place of loss; places behind the intake are not a source's to count.
+    pub(super) fn lost_at(&self, place: LossPoint) -> Option<&AtomicU64> {
+        match place {
+            LossPoint::Kernel => Some(&self.lost_kernel),
+            LossPoint::Queue => Some(&self.lost_queue),
+            LossPoint::Usb => Some(&self.lost_usb),
+            _ => None,
+        }
+    }
+}
+
+/// What a source did, in all its runs of this session.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Summary {
+    /// Packets, frames or chunks that the ledger's queue took.
+    pub delivered: u64,
+    /// Their payload.
+    pub bytes: u64,
+    /// Lost in the kernel's socket buffer, as far as it told: it tells with the next packet.
+    pub lost_kernel: u64,
+    /// Lost because the queue into the ledger was full.
+    pub lost_queue: u64,
+    /// Lost on the USB.
+    pub lost_usb: u64,
+    /// Datagrams from another address than the configured one; not delivered.
+    pub other_source: u64,
+    /// Datagrams larger than any sensor sends (2 048 bytes); not delivered.
+    pub oversized: u64,
+    /// Steps of the wall clock noticed.
+    pub clock_steps: u64,
+    /// Datagrams whose arrival is the instant of reading, because the kernel's stamp was absent or impossible.
+    pub stamped_at_reading: u64,
+}
