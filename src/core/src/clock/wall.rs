@@ -1,0 +1,132 @@
+//! What the host's wall clock said, for people and file names. No measurement's time rests on it.
+
+use std::collections::VecDeque;
+use tumbled_model::{RigNs, Span, UnixNs};
+
+/// A change of the offset between two anchors beyond this is a step, ns.
+const STEP_NS: i64 = 1_000_000;
+/// What the kernel slews its wall clock by at most (adjtimex: 500 ppm); allowed on top for anchors more than 1 s apart.
+const KERNEL_SLEW: f64 = 500e-6;
+/// Anchors remembered, one a second: more than any hold-back of data.
+const ANCHORS: usize = 16;
+
+#[derive(Clone, Copy, Debug)]
+struct Anchor {
+    rig: RigNs,
+    unix: UnixNs,
+}
+
+impl Anchor {
+    fn offset(&self) -> i64 {
+        self.unix.0.saturating_sub(self.rig.0)
+    }
+}
+
+/// Wall time beside the rig's timeline, from the ledger's anchors.
+#[derive(Clone, Debug, Default)]
+pub struct WallClock {
+    anchors: VecDeque<Anchor>,
+    steps: u64,
+    last_step: Option<Span>,
+}
+
+impl WallClock {
+    /// A wall clock without anchors.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes an anchor: wall time `unix` at `rig`. Returns the step when the wall clock was set since the last one.
+    ///
+    /// Anchors come in order; one that is not later than the last replaces it.
+    pub fn anchor(&mut self, rig: RigNs, unix: UnixNs) -> Option<Span> {
+        while self.anchors.back().is_some_and(|last| last.rig >= rig) || self.anchors.len() >= ANCHORS {
+            if self.anchors.back().is_some_and(|last| last.rig >= rig) {
+                self.anchors.pop_back();
+            } else {
+                self.anchors.pop_front();
+            }
+        }
+        let anchor = Anchor { rig, unix };
+        let last = self.anchors.back().copied();
+        self.anchors.push_back(anchor);
+        let last = last?;
+        let change = anchor.offset().saturating_sub(last.offset());
+        let apart = rig.0.saturating_sub(last.rig.0).saturating_sub(1_000_000_000).max(0);
+        let slewed = (apart as f64 * KERNEL_SLEW) as i64;
+        if change.saturating_abs() <= STEP_NS.saturating_add(slewed) {
+            return None;
+        }
+        self.steps += 1;
+        self.last_step = Some(Span(change));
+        self.last_step
+    }
+
+    /// Wall time at `t` by the newest anchor at or before it (before all of them: by the oldest); `None` without anchors.
+    ///
+    /// By that rule a datum gets the same wall time whether a later anchor was read before or after it.
+    pub fn unix(&self, t: RigNs) -> Option<UnixNs> {
+        let at_or_before = self.anchors.iter().rev().find(|anchor| anchor.rig <= t);
+        let anchor = at_or_before.or(self.anchors.front())?;
+        Some(UnixNs(t.0.saturating_add(anchor.offset())))
+    }
+
+    /// How often the wall clock was set.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// The newest step; positive = set forward.
+    pub fn last_step(&self) -> Option<Span> {
+        self.last_step
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: i64 = 1_000_000_000;
+
+    #[test]
+    fn an_hour_is_a_step_and_half_a_millisecond_is_the_kernel_slewing() {
+        let mut wall = WallClock::new();
+        assert_eq!(wall.anchor(RigNs(0), UnixNs(100 * S)), None);
+        assert_eq!(wall.anchor(RigNs(S), UnixNs(101 * S + 500_000)), None);
+        assert_eq!(wall.anchor(RigNs(2 * S), UnixNs(3_702 * S + 500_000)), Some(Span(3_600 * S)));
+        assert_eq!(wall.anchor(RigNs(3 * S), UnixNs(103 * S)), Some(Span(-3_600 * S - 500_000)));
+        assert_eq!((wall.steps(), wall.last_step()), (2, Some(Span(-3_600 * S - 500_000))));
+    }
+
+    #[test]
+    fn ten_seconds_without_anchors_may_slew_by_what_the_kernel_can() {
+        let mut wall = WallClock::new();
+        wall.anchor(RigNs(0), UnixNs(0));
+        // 1 ms + 9 s · 500 ppm = 5.5 ms.
+        assert_eq!(wall.anchor(RigNs(10 * S), UnixNs(10 * S + 5_400_000)), None);
+        assert!(wall.anchor(RigNs(20 * S), UnixNs(20 * S + 11_000_000)).is_some());
+    }
+
+    #[test]
+    fn a_datum_from_before_a_step_keeps_the_wall_time_of_then() {
+        let mut wall = WallClock::new();
+        assert_eq!(wall.unix(RigNs(5)), None);
+        wall.anchor(RigNs(10 * S), UnixNs(110 * S));
+        wall.anchor(RigNs(11 * S), UnixNs(3_711 * S));
+        assert_eq!(wall.unix(RigNs(10 * S + 7)), Some(UnixNs(110 * S + 7)));
+        assert_eq!(wall.unix(RigNs(11 * S)), Some(UnixNs(3_711 * S)));
+        assert_eq!(wall.unix(RigNs(9 * S)), Some(UnixNs(109 * S)));
+    }
+
+    #[test]
+    fn a_day_of_anchors_needs_the_room_of_sixteen() {
+        let mut wall = WallClock::new();
+        for second in 0..86_400 {
+            wall.anchor(RigNs(second * S), UnixNs(second * S));
+        }
+        assert_eq!(wall.anchors.len(), ANCHORS);
+        // Out of order: all that are not earlier make way.
+        wall.anchor(RigNs(0), UnixNs(0));
+        assert_eq!(wall.anchors.len(), 1);
+    }
+}
