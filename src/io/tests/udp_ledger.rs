@@ -56,6 +56,49 @@ fn two_sensors_share_one_order_and_keep_their_own() {
 }
 
 #[test]
+fn a_capture_sent_at_its_own_pace_arrives_as_its_import_reads_it() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    sent_as_imported(&format!("{root}/tests/captures/vlp32c-strongest-600rpm-fov180.pcap"));
+    let real = "../shared/data/velodyne/vlp32c_strongest_600rpm_fov180_a.pcap";
+    if std::path::Path::new(&format!("{root}/{real}")).exists() {
+        sent_as_imported(&format!("{root}/{real}"));
+    } else {
+        println!("skipped: {real} is not there");
+    }
+}
+
+/// The claim for one capture of a LiDAR.
+fn sent_as_imported(path: &str) {
+    let capture = tumbled_io::capture::open(path.as_ref(), &Default::default()).expect("a capture");
+    let imported: Vec<(Span, Bytes)> = capture
+        .map(|record| record.expect("a whole file"))
+        .filter_map(|record| match record.body {
+            Body::LidarPacket { bytes, .. } => Some((record.host - UnixNs(0), bytes)),
+            _ => None,
+        })
+        .collect();
+    let clock = SessionClock::start_on_system();
+    let mut ledger = Ledger::live(clock.clone());
+    let source = UdpSource::bind(config("front"), clock).expect("loopback is there");
+    let to = source.address();
+    let intake = ledger.intake(sensor("front"), QueueBound::LIDAR_PACKETS);
+    let events = ledger.recorder();
+    let ledger = ledger.start().expect("a thread");
+    let stop = StopToken::new().expect("a descriptor");
+    let token = stop.clone();
+    let source = std::thread::spawn(move || Box::new(source).run(intake, token));
+    let from = UdpSender::bind(localhost(0)).expect("a free port");
+    let datagrams = imported.iter().map(|(at, bytes)| (*at, to, bytes));
+    from.send(datagrams, Pace::Times(1.0), &stop).expect("loopback");
+    let seen = collect_until(&events, |events| packets(events) == imported.len());
+    stop.stop();
+    source.join().expect("no panic").expect("the source ran well");
+    ledger.stop();
+    assert!(!imported.is_empty(), "{path}");
+    assert_eq!(payloads(&seen, "front"), imported.into_iter().map(|(_, bytes)| bytes).collect::<Vec<_>>());
+}
+
+#[test]
 fn ticks_and_anchors_keep_the_beat_of_a_scripted_clock() {
     // Every look advances the clock by 50 ms; the wall clock jumps ahead by an hour at 1.5 s.
     let hour = Span(3_600_000_000_000);
