@@ -7,6 +7,7 @@ mod config_layers;
 mod export_cli;
 mod golden;
 mod info_cli;
+mod recording_cli;
 mod schemas;
 mod support;
 

@@ -12,6 +12,7 @@ fn main() -> ExitCode {
     cli::log::init(arguments.verbosity());
     match cli::run(arguments) {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
+        Ok(Outcome::Different) => ExitCode::FAILURE,
         Ok(Outcome::Incomplete) => ExitCode::from(3),
         // Whoever read the output has seen enough: `tumbled config show | head` is no failure.
         Err(Failure::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,

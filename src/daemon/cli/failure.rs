@@ -10,6 +10,8 @@ use crate::config::ConfigError;
 pub enum Outcome {
     /// Fine: exit code 0.
     Fine,
+    /// What was compared is not the same: exit code 1. The difference is in the report.
+    Different,
     /// Finished, but data were lost or a quality gate failed: exit code 3. What was lost is in the report or the log.
     Incomplete,
 }

@@ -8,12 +8,16 @@
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 pub mod config;
+pub mod diff;
 pub mod export;
 pub mod failure;
+pub mod import;
 pub mod info;
 pub mod input;
+pub mod ledger;
 pub mod log;
 pub mod output;
+pub mod recover;
 pub mod render;
 
 pub use failure::{Failure, Outcome};
@@ -61,6 +65,12 @@ enum Command {
     Export(export::Args),
     /// Tell what inputs hold: models, modes, rates, packets lost, clocks, fields of view.
     Info(info::Args),
+    /// Write foreign captures into one recording.
+    Import(import::Args),
+    /// Make a finished recording of one that was interrupted or damaged.
+    Recover(recover::Args),
+    /// Find where two recordings differ.
+    Diff(diff::Args),
     /// Check, show, describe or write a config.
     #[command(subcommand)]
     Config(config::Command),
@@ -74,6 +84,9 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Export(args) => export::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Import(args) => import::run(&args),
+        Command::Recover(args) => recover::run(&args),
+        Command::Diff(args) => diff::run(&args),
         Command::Config(command) => config::run(command),
     }
 }

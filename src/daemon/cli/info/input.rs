@@ -23,6 +23,7 @@ pub(super) fn report(capture: &Capture) -> InputReport {
         left_out: left_out(summary),
         broken_off: summary.broken_off.iter().map(broken_file).collect(),
         whole: !summary.data_lost(),
+        recording: summary.recording.as_deref().map(Into::into),
         hint: summary.hint().map(|hint| hint.to_string()),
     }
 }
@@ -34,6 +35,7 @@ fn kind(kind: CaptureKind) -> InputKind {
         CaptureKind::Rosbag => InputKind::Rosbag,
         CaptureKind::Fakenect => InputKind::Fakenect,
         CaptureKind::DepthPngs => InputKind::DepthPngs,
+        CaptureKind::Recording => InputKind::Recording,
         _ => InputKind::Other,
     }
 }
@@ -43,6 +45,7 @@ fn stamp_origin(origin: StampOrigin) -> HostStamps {
         StampOrigin::Capture => HostStamps::Capture,
         StampOrigin::Message => HostStamps::Message,
         StampOrigin::TimesFile => HostStamps::TimesFile,
+        StampOrigin::Ledger => HostStamps::Ledger,
         StampOrigin::Synthetic => HostStamps::Synthetic,
         _ => HostStamps::Other,
     }

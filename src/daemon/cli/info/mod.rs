@@ -7,7 +7,7 @@
 //!
 //! * [`report`]: what is reported, as machines get it; `text`: the same for people;
 //! * `lidar`, `timeline`, `turning`, `histogram`: one LiDAR followed; `lidar_report`, `hdl64e`: what came out of it;
-//! * `kinect`: one Kinect followed; `input`: what was left out of an input.
+//! * `kinect`: one Kinect followed; `input`: what was left out of an input; [`recording`]: what a recording says of itself.
 
 mod hdl64e;
 mod histogram;
@@ -15,6 +15,7 @@ mod input;
 mod kinect;
 mod lidar;
 mod lidar_report;
+pub mod recording;
 pub mod report;
 mod text;
 mod timeline;

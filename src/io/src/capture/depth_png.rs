@@ -179,7 +179,7 @@ impl RecordSource for PngSource {
                 gap(&self.sensor, 1)
             }
         };
-        Some(Ok(CaptureRecord { host, body }))
+        Some(Ok(CaptureRecord::foreign(host, body)))
     }
 
     fn known_earliest(&self) -> Option<Option<UnixNs>> {

@@ -2,6 +2,7 @@
 
 use super::depth_png::PngForm;
 use super::summary::BrokenOff;
+use crate::recording::ReadError;
 use core::fmt;
 use std::path::PathBuf;
 
@@ -46,10 +47,13 @@ pub enum CaptureError {
         /// How to get something that is read.
         remedy: &'static str,
     },
+    /// A recording of this program that cannot be read.
+    #[error(transparent)]
+    Recording(#[from] ReadError),
     /// Nothing this program knows.
     #[error(
-        "{} begins with {found:02x?}, which is no capture: expected .pcap, .pcapng, a ROS 2 bag (.mcap, .db3), \
-         a 16-bit depth .png or a fakenect .pgm", path.display()
+        "{} begins with {found:02x?}, which is no capture: expected .pcap, .pcapng, a recording (.mcap), \
+         a ROS 2 bag (.mcap, .db3), a 16-bit depth .png or a fakenect .pgm", path.display()
     )]
     UnknownFormat {
         /// The file.

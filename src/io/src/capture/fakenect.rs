@@ -143,7 +143,7 @@ impl RecordSource for FakenectSource {
                 gap(&self.sensor, 1)
             }
         };
-        Some(Ok(CaptureRecord { host: frame.host, body }))
+        Some(Ok(CaptureRecord::foreign(frame.host, body)))
     }
 
     fn known_earliest(&self) -> Option<Option<UnixNs>> {

@@ -1,6 +1,7 @@
 //! Opening files and telling from their first bytes what they are.
 
 use super::CaptureError;
+use crate::recording::reader::begins_recording;
 use std::cmp::Ordering;
 use std::fs::{self, File};
 use std::io::{BufReader, Read};
@@ -8,6 +9,9 @@ use std::path::{Path, PathBuf};
 
 /// Read-ahead for streams: large enough that system calls do not show, small beside everything else.
 const BUFFER_BYTES: usize = 1 << 18;
+
+/// First bytes that tell every kind of file.
+const HEAD_BYTES: usize = 32;
 
 /// `INDEX.txt` and `times.txt`: an hour of depth and colour at 30 Hz is 216 000 lines of about 32 bytes, 7 MB.
 const LIST_LIMIT: u64 = 64 << 20;
@@ -17,6 +21,10 @@ const LIST_LIMIT: u64 = 64 << 20;
 pub(crate) enum Sniffed {
     Pcap,
     PcapNg,
+    /// One or several parts of a recording of this program.
+    Recording {
+        parts: Vec<PathBuf>,
+    },
     /// One or several parts in the order they were written.
     Bag {
         parts: Vec<PathBuf>,
@@ -91,7 +99,7 @@ pub(crate) fn sniff(path: &Path) -> Result<Sniffed, CaptureError> {
     if fs::metadata(path).map_err(io_error(path))?.is_dir() {
         return sniff_folder(path);
     }
-    let head = read_head(path, 16)?;
+    let head = read_head(path, HEAD_BYTES)?;
     if head.is_empty() {
         return Err(CaptureError::TooShort { path: path.to_owned(), length: 0 });
     }
@@ -104,6 +112,9 @@ pub(crate) fn sniff(path: &Path) -> Result<Sniffed, CaptureError> {
             0x0a0d_0d0a => return Ok(Sniffed::PcapNg),
             _ => {}
         }
+    }
+    if begins_recording(&head) {
+        return Ok(Sniffed::Recording { parts: vec![path.to_owned()] });
     }
     if part_kind_of(&head).is_some() {
         return Ok(Sniffed::Bag { parts: vec![path.to_owned()] });
@@ -166,7 +177,7 @@ fn refusal(path: &Path, head: &[u8]) -> Option<CaptureError> {
     None
 }
 
-/// A folder is a fakenect dump if it has an `INDEX.txt`, else a bag if it has parts, else depth PNGs.
+/// A folder is a fakenect dump if it has an `INDEX.txt`, else a recording or a bag if it has parts, else depth PNGs.
 fn sniff_folder(path: &Path) -> Result<Sniffed, CaptureError> {
     let mut parts = Vec::new();
     let mut frames = Vec::new();
@@ -188,7 +199,10 @@ fn sniff_folder(path: &Path) -> Result<Sniffed, CaptureError> {
     }
     parts.sort_by(|a, b| name_order(a, b));
     frames.sort_by(|a, b| name_order(a, b));
-    if !parts.is_empty() {
+    let recorded = parts.first().map(|part| read_head(part, HEAD_BYTES)).transpose()?;
+    if recorded.is_some_and(|head| begins_recording(&head)) {
+        Ok(Sniffed::Recording { parts })
+    } else if !parts.is_empty() {
         Ok(Sniffed::Bag { parts })
     } else if let Some(path) = packed {
         Err(CaptureError::Compressed { path, by: "zstd", command: "zstd -d FILE" })

@@ -158,15 +158,11 @@ impl Chunk {
     /// `cut`: the content is not all there; what is there is read.
     fn open(content: Vec<u8>, offset: u64, cut: bool) -> Result<Self, String> {
         let mut fields = Fields(&content);
-        let header = (|| {
-            let _times = (fields.u64()?, fields.u64()?);
-            let (size, crc) = (fields.u64()?, fields.u32()?);
-            let compression = fields.text()?.to_owned();
-            Some((size, crc, compression, fields.u64()?))
-        })();
-        let Some((size, crc, compression, compressed_size)) = header else {
+        let Some(head) = ChunkHead::read(&mut fields) else {
             return Err("a chunk that ends within its header".to_owned());
         };
+        let ChunkHead { unpacked_bytes: size, crc, compression, packed_bytes: compressed_size } = head;
+        let compression = compression.to_owned();
         let start = content.len() - fields.0.len();
         if size > MAX_CHUNK_BYTES {
             return Err(format!("a chunk claims to unpack to {size} bytes (at most {MAX_CHUNK_BYTES} are read)"));
@@ -234,7 +230,26 @@ fn too_large(length: u64) -> String {
     format!("a record claims {length} bytes (at most {MAX_RECORD_BYTES} are read)")
 }
 
-fn record_head(bytes: &[u8]) -> Option<(u8, u64)> {
+/// What a chunk says of itself before its records.
+pub(crate) struct ChunkHead<'a> {
+    pub(crate) unpacked_bytes: u64,
+    /// Of the unpacked records; 0: not given.
+    pub(crate) crc: u32,
+    pub(crate) compression: &'a str,
+    pub(crate) packed_bytes: u64,
+}
+
+impl<'a> ChunkHead<'a> {
+    pub(crate) fn read(fields: &mut Fields<'a>) -> Option<Self> {
+        let _times = (fields.u64()?, fields.u64()?);
+        let (unpacked_bytes, crc) = (fields.u64()?, fields.u32()?);
+        let compression = fields.text()?;
+        Some(Self { unpacked_bytes, crc, compression, packed_bytes: fields.u64()? })
+    }
+}
+
+/// A record's opcode and length, from the first nine bytes.
+pub(crate) fn record_head(bytes: &[u8]) -> Option<(u8, u64)> {
     let &[opcode, l0, l1, l2, l3, l4, l5, l6, l7] = bytes.first_chunk::<HEAD_BYTES>()?;
     Some((opcode, u64::from_le_bytes([l0, l1, l2, l3, l4, l5, l6, l7])))
 }
@@ -243,10 +258,14 @@ fn record_head(bytes: &[u8]) -> Option<(u8, u64)> {
 pub(crate) struct Fields<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Fields<'a> {
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+    pub(crate) fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (array, rest) = self.0.split_first_chunk::<N>()?;
         self.0 = rest;
         Some(*array)
+    }
+
+    pub(crate) fn u8(&mut self) -> Option<u8> {
+        self.array().map(u8::from_le_bytes)
     }
 
     pub(crate) fn u16(&mut self) -> Option<u16> {
@@ -259,6 +278,10 @@ impl<'a> Fields<'a> {
 
     pub(crate) fn u64(&mut self) -> Option<u64> {
         self.array().map(u64::from_le_bytes)
+    }
+
+    pub(crate) fn i64(&mut self) -> Option<i64> {
+        self.array().map(i64::from_le_bytes)
     }
 
     /// A u32 length and so many bytes of UTF-8.

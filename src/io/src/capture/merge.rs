@@ -11,12 +11,14 @@ use tumbled_model::{Event, RigNs, UnixNs};
 /// * Each input keeps its file order. A record whose stamp lies before that of the record in front of it comes as soon
 ///   as that one is out; `arrived` then steps back, as the file does. Of equal stamps the input named first goes first.
 /// * The same inputs in the same order give the same events.
+/// * A single recording keeps the `seq` and `arrived` it was recorded with, to the bit.
 /// * An error ends its own input only; the others go on.
 #[derive(Debug)]
 pub struct Merged {
     inputs: Vec<Input>,
     epoch: Option<UnixNs>,
     next_seq: u64,
+    is_ledger: bool,
 }
 
 #[derive(Debug)]
@@ -27,7 +29,7 @@ struct Input {
 
 /// Merges captures into ledger events.
 ///
-/// Reads pcaps twice (see [`Capture::earliest_host`]). The captures should be at their start.
+/// Reads pcaps, and recordings that are not alone, twice (see [`Capture::earliest_host`]). The captures should be at their start.
 ///
 /// # Errors
 /// When an input cannot be read again, and when inputs with times are mixed with inputs whose times are
@@ -40,19 +42,28 @@ pub fn merge(captures: Vec<Capture>) -> Result<Merged, CaptureError> {
         let (synthetic, real) = (synthetic.path().to_owned(), real.path().to_owned());
         return Err(CaptureError::UnrelatedTimes { synthetic, real });
     }
-    let mut epoch = None;
-    for capture in &captures {
-        epoch = [epoch, capture.earliest_host()?].into_iter().flatten().min();
+    let recording = if let [only] = captures.as_slice() { only.recording() } else { None };
+    let is_ledger = recording.is_some();
+    let mut epoch = recording.map(|header| header.unix_at_zero);
+    if !is_ledger {
+        for capture in &captures {
+            epoch = [epoch, capture.earliest_host()?].into_iter().flatten().min();
+        }
     }
     let read_head = |mut capture: Capture| {
         let head = capture.next();
         Input { capture, head }
     };
-    Ok(Merged { inputs: captures.into_iter().map(read_head).collect(), epoch, next_seq: 0 })
+    Ok(Merged { inputs: captures.into_iter().map(read_head).collect(), epoch, next_seq: 0, is_ledger })
 }
 
 impl Merged {
-    /// The wall time at `t_ns` 0, the earliest host stamp over all inputs; `None` when no input has any record.
+    /// Whether the events are a recorded ledger, with its own ticks and anchors.
+    pub fn is_ledger(&self) -> bool {
+        self.is_ledger
+    }
+
+    /// The wall time at `t_ns` 0: the recorded one, else the earliest host stamp over all inputs; `None` when no input has any record.
     pub fn epoch(&self) -> Option<UnixNs> {
         self.epoch
     }
@@ -87,6 +98,9 @@ impl Iterator for Merged {
             Err(error) => return Some(Err(error)),
         };
         input.head = input.capture.next();
+        if let Some(place) = record.ledger.filter(|_| self.is_ledger) {
+            return Some(Ok(Event { seq: place.seq, arrived: place.arrived, body: record.body }));
+        }
         let seq = self.next_seq;
         self.next_seq += 1;
         let arrived = RigNs((record.host - self.epoch.unwrap_or(record.host)).0);

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `.pcap`, `.pcapng` | magic number | the capture's stamp of each packet |
 //! | ROS 2 bag: `.mcap`, `.db3`, or a folder of such parts | magic number; part names | packet stamp inside a `VelodyneScan`; header stamp of an image |
+//! | recording of this program, one part or several, or a folder of them | MCAP profile `tumbled` | as recorded |
 //! | fakenect folder | `INDEX.txt` in it | seconds in the file name |
 //! | folder of depth PNGs | `.png` in it | `times.txt`, else synthetic 30 Hz |
 //! | one depth `.png` or `.pgm` | magic number | the name's (fakenect), else synthetic 0 |
@@ -18,11 +19,13 @@ mod depth_png;
 mod error;
 mod fakenect;
 mod files;
+mod heartbeat;
 mod mcap_records;
 mod merge;
 mod packets;
 mod pcap;
 mod pcapng;
+mod recording;
 mod rosbag;
 mod rosbag_db3;
 mod rosbag_mcap;
@@ -35,6 +38,7 @@ mod tests;
 pub use cdr::MessageFault;
 pub use depth_png::PngForm;
 pub use error::{CaptureError, TopicFound};
+pub use heartbeat::{Heartbeat, LONGEST_SILENCE, TICK};
 pub use merge::{Merged, merge};
 pub use routing::{KinectRoute, LidarRoute, Routing};
 pub use summary::{
@@ -42,10 +46,14 @@ pub use summary::{
     TopicTraffic,
 };
 
+pub(crate) use mcap_records::{ChunkHead, Fields, record_head};
+pub(crate) use packets::ReadUpTo;
+
+use crate::recording::RecordingHeader;
 use core::fmt;
 use files::Sniffed;
 use std::path::{Path, PathBuf};
-use tumbled_model::{Body, UnixNs};
+use tumbled_model::{Body, RigNs, UnixNs};
 
 /// The largest single record (packet, message, block) that is read; a claim beyond it is damage.
 ///
@@ -59,6 +67,24 @@ pub struct CaptureRecord {
     pub host: UnixNs,
     /// The bytes or the gap.
     pub body: Body,
+    /// Where it stood in the ledger, when the capture is a recording of one.
+    pub ledger: Option<LedgerPlace>,
+}
+
+/// A place in a recorded ledger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LedgerPlace {
+    /// Its number.
+    pub seq: u64,
+    /// When it arrived, on the recorded session's timeline.
+    pub arrived: RigNs,
+}
+
+impl CaptureRecord {
+    /// A record of a foreign capture.
+    pub(crate) fn foreign(host: UnixNs, body: Body) -> Self {
+        Self { host, body, ledger: None }
+    }
 }
 
 /// What reads one kind of capture.
@@ -68,6 +94,11 @@ pub(crate) trait RecordSource: Send {
 
     /// The earliest host stamp of all records, when opening already told: `Some(None)` = no records.
     fn known_earliest(&self) -> Option<Option<UnixNs>>;
+
+    /// What a recording says of itself; foreign captures have none.
+    fn recording(&self) -> Option<&RecordingHeader> {
+        None
+    }
 }
 
 /// An open capture: an iterator over its records in file order.
@@ -75,6 +106,8 @@ pub(crate) trait RecordSource: Send {
 /// After the first `Err` it is at its end.
 pub struct Capture {
     path: PathBuf,
+    /// Of a recording; else empty.
+    parts: Vec<PathBuf>,
     routing: Routing,
     source: Box<dyn RecordSource>,
     summary: CaptureSummary,
@@ -90,6 +123,7 @@ pub struct Capture {
 /// do), or when its head already shows that nothing in it can be used.
 pub fn open(path: &Path, routing: &Routing) -> Result<Capture, CaptureError> {
     let (kind, source, stamp_origin): (_, Box<dyn RecordSource>, _) = match files::sniff(path)? {
+        Sniffed::Recording { parts } => return open_recording(path, parts, routing),
         Sniffed::Pcap => {
             (CaptureKind::Pcap, Box::new(packets::PacketSource::pcap(path, routing)?), StampOrigin::Capture)
         }
@@ -118,7 +152,37 @@ pub fn open(path: &Path, routing: &Routing) -> Result<Capture, CaptureError> {
         }
     };
     let summary = CaptureSummary::new(kind, stamp_origin);
-    Ok(Capture { path: path.to_owned(), routing: routing.clone(), source, summary, finished: false })
+    let (path, routing) = (path.to_owned(), routing.clone());
+    Ok(Capture { path, parts: Vec::new(), routing, source, summary, finished: false })
+}
+
+fn open_recording(path: &Path, parts: Vec<PathBuf>, routing: &Routing) -> Result<Capture, CaptureError> {
+    let source = recording::RecordingSource::open(&parts)?;
+    let summary = CaptureSummary::new(CaptureKind::Recording, source.stamp_origin());
+    let (path, routing) = (path.to_owned(), routing.clone());
+    Ok(Capture { path, parts, routing, source: Box::new(source), summary, finished: false })
+}
+
+/// Opens several captures; parts of one recording are put together, whatever their order, as one capture that stands
+/// where the first of them was given.
+///
+/// # Errors
+/// As [`open`], and when a part is given twice.
+pub fn open_all<P: AsRef<Path>>(paths: &[P], routing: &Routing) -> Result<Vec<Capture>, CaptureError> {
+    let mut captures: Vec<Capture> = Vec::new();
+    for path in paths {
+        let capture = open(path.as_ref(), routing)?;
+        let session = capture.session();
+        let same = captures.iter_mut().find(|other| session.is_some() && other.session() == session);
+        match same {
+            Some(other) => {
+                let parts = [other.parts.as_slice(), &capture.parts].concat();
+                *other = open_recording(&other.path, parts, routing)?;
+            }
+            None => captures.push(capture),
+        }
+    }
+    Ok(captures)
 }
 
 impl Capture {
@@ -132,10 +196,19 @@ impl Capture {
         &self.summary
     }
 
+    /// What the recording says of itself; `None` for foreign captures.
+    pub fn recording(&self) -> Option<&RecordingHeader> {
+        self.source.recording()
+    }
+
+    fn session(&self) -> Option<&str> {
+        self.recording().map(|header| header.session.as_str())
+    }
+
     /// The earliest host stamp of all records, `None` when there are none.
     ///
-    /// Bags and folders know it from opening; a pcap is read once more from its start, because packets need not
-    /// be in order of time. An error met on that way is left for the iteration itself to report.
+    /// Bags and folders know it from opening; a pcap or a recording is read once more from its start, because its
+    /// records need not be in order of time. An error met on that way is left for the iteration itself to report.
     ///
     /// # Errors
     /// When the file cannot be opened again.
@@ -143,7 +216,10 @@ impl Capture {
         if let Some(known) = self.source.known_earliest() {
             return Ok(known);
         }
-        let again = open(&self.path, &self.routing)?;
+        let again = match self.parts.as_slice() {
+            [] => open(&self.path, &self.routing)?,
+            parts => open_recording(&self.path, parts.to_vec(), &self.routing)?,
+        };
         Ok(again.map_while(Result::ok).map(|record| record.host).min())
     }
 }

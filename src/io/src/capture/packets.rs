@@ -122,7 +122,7 @@ impl PacketSource {
         // A frame may be cut in its padding only: then the datagram is whole.
         if payload.len() < claimed {
             summary.cut_short += 1;
-            return Some(CaptureRecord { host, body: gap(sensor, 1) });
+            return Some(CaptureRecord::foreign(host, gap(sensor, 1)));
         }
         let traffic = summary.sensor(sensor);
         if is_data {
@@ -131,7 +131,7 @@ impl PacketSource {
             traffic.position_packets += 1;
         }
         let body = Body::LidarPacket { sensor: sensor.clone(), bytes: Bytes::copy_from_slice(payload) };
-        Some(CaptureRecord { host, body })
+        Some(CaptureRecord::foreign(host, body))
     }
 
     fn note_break(&self, place: Place, detail: String, summary: &mut CaptureSummary) {

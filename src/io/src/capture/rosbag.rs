@@ -259,7 +259,7 @@ impl BagSource {
                     let host = stamp_or_received(stamp, message, summary);
                     summary.sensor(sensor).data_packets += 1;
                     let body = Body::LidarPacket { sensor: sensor.clone(), bytes };
-                    self.pending.push_back(CaptureRecord { host, body });
+                    self.pending.push_back(CaptureRecord::foreign(host, body));
                 }
             }
             Ok(Content::Depth(image)) => {
@@ -271,13 +271,13 @@ impl BagSource {
                     lost_packets: PacketMask::NONE,
                     bytes: image.samples(),
                 };
-                self.pending.push_back(CaptureRecord { host, body });
+                self.pending.push_back(CaptureRecord::foreign(host, body));
             }
             Ok(Content::Other) => summary.count_unused(&topic.name, &topic.type_name, None),
             Err(fault) => {
                 // How many packets a broken scan held is not known: the gap says at least one.
                 summary.count_unused(&topic.name, &topic.type_name, Some(fault));
-                self.pending.push_back(CaptureRecord { host: message.received, body: gap(sensor, 1) });
+                self.pending.push_back(CaptureRecord::foreign(message.received, gap(sensor, 1)));
             }
         }
     }

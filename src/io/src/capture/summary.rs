@@ -2,6 +2,7 @@
 
 use super::CaptureRecord;
 use super::cdr::MessageFault;
+use crate::recording::RecordingInfo;
 use core::fmt;
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -28,6 +29,8 @@ pub enum CaptureKind {
     Fakenect,
     /// Depth PNGs, a folder or one.
     DepthPngs,
+    /// Recording of this program.
+    Recording,
 }
 
 impl fmt::Display for CaptureKind {
@@ -38,6 +41,7 @@ impl fmt::Display for CaptureKind {
             Self::Rosbag => "ROS 2 bag",
             Self::Fakenect => "fakenect dump",
             Self::DepthPngs => "depth PNGs",
+            Self::Recording => "recording",
         })
     }
 }
@@ -52,6 +56,8 @@ pub enum StampOrigin {
     Message,
     /// `times.txt` beside the frames.
     TimesFile,
+    /// The recorder's ledger, to the nanosecond.
+    Ledger,
     /// None: frame k is at k × 33 333 333 ns after 1970-01-01.
     Synthetic,
 }
@@ -62,6 +68,7 @@ impl fmt::Display for StampOrigin {
             Self::Capture => "receive stamps of the capture",
             Self::Message => "driver stamps inside the messages",
             Self::TimesFile => "times.txt",
+            Self::Ledger => "recorded with the ledger",
             Self::Synthetic => "synthetic (no times in the input: 30 Hz assumed)",
         })
     }
@@ -217,6 +224,8 @@ pub struct CaptureSummary {
     pub damaged_files: Vec<DamagedFile>,
     /// Files whose rest cannot be read; what they had before that is delivered.
     pub broken_off: Vec<BrokenOff>,
+    /// What the recording holds, at its end; `None` for foreign captures.
+    pub recording: Option<Box<RecordingInfo>>,
     newest: Option<UnixNs>,
 }
 
@@ -243,6 +252,7 @@ impl CaptureSummary {
             damaged_frames: 0,
             damaged_files: Vec::new(),
             broken_off: Vec::new(),
+            recording: None,
             newest: None,
         }
     }
@@ -250,6 +260,7 @@ impl CaptureSummary {
     /// Whether anything that belonged, or may have belonged, to a sensor is missing.
     pub fn data_lost(&self) -> bool {
         !self.broken_off.is_empty()
+            || self.recording.as_ref().is_some_and(|recording| !recording.whole())
             || self.cut_short > 0
             || self.fragments > 0
             || self.untimed > 0

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::super::recording::RecordingReport;
 use super::WallTime;
 
 /// One input: a file or a folder.
@@ -35,6 +36,8 @@ pub struct InputReport {
     pub broken_off: Vec<BrokenFile>,
     /// Everything that belongs, or may belong, to a sensor was delivered.
     pub whole: bool,
+    /// What a recording says of itself, and what it holds; null for foreign captures.
+    pub recording: Option<RecordingReport>,
     /// What to change in the config when no LiDAR got anything and LiDAR packets are there.
     pub hint: Option<String>,
 }
@@ -53,6 +56,8 @@ pub enum InputKind {
     Fakenect,
     /// Depth PNGs, a folder or one.
     DepthPngs,
+    /// Recording of this program.
+    Recording,
     /// A kind this report has no name for yet.
     Other,
 }
@@ -67,6 +72,8 @@ pub enum HostStamps {
     Message,
     /// `times.txt` beside the frames.
     TimesFile,
+    /// Recorded with the ledger.
+    Ledger,
     /// None: frames are numbered at 30 Hz, so no rate can be told.
     Synthetic,
     /// An origin this report has no name for yet.

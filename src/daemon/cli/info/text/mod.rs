@@ -4,6 +4,7 @@ mod figures;
 mod kinect;
 mod lidar;
 
+use super::recording;
 use super::report::input::{HostStamps, InputKind, InputReport};
 use super::report::{Absent, InfoReport, SensorKind, Verdict};
 use figures::{bytes, counted, seconds, utc};
@@ -69,19 +70,29 @@ fn input(page: &mut Page, input: &InputReport) {
     if input.backward_steps > 0 {
         page.line("", &format!("{} steps back in time", input.backward_steps));
     }
+    if let Some(recording) = &input.recording {
+        for (label, value) in recording::lines(recording) {
+            page.line(label, &value);
+        }
+    }
     for left_out in input.left_out.iter().filter(|left_out| !left_out.lost) {
         page.line("left out", &format!("{}: {}", left_out.what, left_out.count));
     }
     for lost in input.left_out.iter().filter(|left_out| left_out.lost) {
         page.alert(&format!("lost: {}: {}", lost.what, lost.count));
     }
-    for broken in &input.broken_off {
+    // A recording's own words say it better.
+    let foreign = input.recording.is_none();
+    for broken in input.broken_off.iter().filter(|_| foreign) {
         let place = match (broken.byte, broken.after_row) {
             (Some(byte), _) => format!("byte {byte}"),
             (None, Some(row)) => format!("row {row}"),
             (None, None) => "an unknown place".to_owned(),
         };
         page.alert(&format!("{} is readable only up to {place}: {}", broken.path.display(), broken.detail));
+    }
+    for warning in input.recording.iter().flat_map(|recording| &recording.warnings) {
+        page.alert(warning);
     }
     if let Some(hint) = &input.hint {
         page.alert(hint);
@@ -95,6 +106,7 @@ const fn kind(kind: InputKind) -> &'static str {
         InputKind::Rosbag => "ROS 2 bag",
         InputKind::Fakenect => "fakenect dump",
         InputKind::DepthPngs => "depth PNGs",
+        InputKind::Recording => "recording",
         InputKind::Other => "capture",
     }
 }
@@ -104,6 +116,7 @@ const fn stamps(origin: HostStamps) -> &'static str {
         HostStamps::Capture => "as the capture received each packet or frame",
         HostStamps::Message => "as the driver stamped the messages",
         HostStamps::TimesFile => "as times.txt says",
+        HostStamps::Ledger => "as recorded with the ledger",
         HostStamps::Synthetic => "unknown: none in the input, frames are numbered at 30 Hz",
         HostStamps::Other => "by stamps of another kind",
     }

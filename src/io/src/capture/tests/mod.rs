@@ -27,11 +27,11 @@ fn read_routed(path: &Path, routing: &Routing) -> (Vec<CaptureRecord>, CaptureSu
 
 fn lidar(host: i64, sensor: &str, payload: &[u8]) -> CaptureRecord {
     let body = Body::LidarPacket { sensor: SensorId::from(sensor), bytes: payload.to_vec().into() };
-    CaptureRecord { host: UnixNs(host), body }
+    CaptureRecord::foreign(UnixNs(host), body)
 }
 
 fn lost(host: i64, sensor: &str) -> CaptureRecord {
-    CaptureRecord { host: UnixNs(host), body: super::packets::gap(&SensorId::from(sensor), 1) }
+    CaptureRecord::foreign(UnixNs(host), super::packets::gap(&SensorId::from(sensor), 1))
 }
 
 /// Of a depth frame: host stamp, encoding, ticks, first sample.

@@ -1,0 +1,179 @@
+//! `tumbled import`: foreign captures into one recording, the ledger a live run would have had.
+//!
+//! The same inputs, config and program make the same bytes: no time of day and no machine is in the file.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args as ClapArgs;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tumbled_io::capture::StampOrigin;
+use tumbled_io::recording::{
+    Origin, Recorder, RecorderOptions, RecordingHeader, RecordingSummary, digest_of, import_session,
+};
+
+use super::ledger::{self, LedgerReport};
+use super::{Failure, InputArgs, Outcome, VERSION, output};
+use crate::config::show;
+use crate::decoding::Inputs;
+
+/// What `import` is asked for.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:\n  tumbled import drive.pcap -o drive.mcap\n  \
+    tumbled import drive.pcap dump/ --config rig.toml -o both.mcap\n  \
+    tumbled import session.mcap session-0001.mcap -o whole.mcap\n\n\
+    Exit code 3: everything readable was imported, but part of an input could not be read.")]
+pub struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// The recording to write.
+    #[arg(short = 'o', long = "output", value_name = "FILE.mcap")]
+    output: PathBuf,
+    /// Replace the file if it is there.
+    #[arg(long)]
+    force: bool,
+    /// Report on stdout as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was imported.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "tumbled import --json")]
+pub struct ImportReport {
+    /// The recording.
+    pub output: PathBuf,
+    /// Its session id: the same for the same inputs and config.
+    pub session: String,
+    /// Its size.
+    pub file_bytes: u64,
+    /// Wall time at `t_ns` 0, ns since 1970-01-01 UTC as a decimal string. Null: the inputs have no times of their own.
+    pub epoch_unix_ns: Option<String>,
+    /// What it holds.
+    pub ledger: LedgerReport,
+    /// Everything in the inputs that is for a sensor of the config was imported; otherwise the exit code is 3.
+    pub whole: bool,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+}
+
+/// Imports.
+///
+/// # Errors
+/// Exit code 2: an input that cannot be used, an output that is there. 1: an output that cannot be written.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    refuse_input_as_output(&args.output, &args.input.inputs)?;
+    let loaded = args.input.config.load()?;
+    let mut inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config)?;
+    let header = header(&inputs, &args.input.inputs, &show::text(&loaded.tree, false))?;
+    let mut recorder = create(&args.output, header.clone(), args.force)?;
+    let recorded = copy(&mut inputs, &mut recorder);
+    let summary = recorder.finish();
+    if let Err(failure) = recorded.and_then(|()| written(&summary)) {
+        // It can be made again; half of it must not be taken for the whole. What cannot be removed stays unfinished.
+        std::fs::remove_file(&args.output).unwrap_or_default();
+        return Err(failure);
+    }
+    let report = ImportReport {
+        output: args.output.clone(),
+        session: header.session,
+        file_bytes: summary.file_bytes,
+        epoch_unix_ns: (!header.synthetic_times).then(|| header.unix_at_zero.0.to_string()),
+        ledger: (&summary.counters).into(),
+        whole: !inputs.data_lost(),
+        warnings: inputs.warnings(),
+    };
+    report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    if args.json {
+        output::json(&report)?;
+    } else {
+        output::text(&text(&report))?;
+    }
+    Ok(if report.whole { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// An output that is an input would be emptied before it is read.
+pub(super) fn refuse_input_as_output(output: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+    let Ok(output) = output.canonicalize() else { return Ok(()) };
+    let inside = |input: &&PathBuf| {
+        input.canonicalize().is_ok_and(|input| input == output || output.parent() == Some(input.as_path()))
+    };
+    match inputs.iter().find(inside) {
+        Some(input) => Err(Failure::input(format!("{} is an input, it is not written to", input.display()))
+            .with_help("give -o another path")),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn create(path: &Path, header: RecordingHeader, replace: bool) -> Result<Recorder, Failure> {
+    use tumbled_io::recording::RecorderError;
+    if path.is_dir() {
+        return Err(Failure::input(format!("{} is a folder, a file is written", path.display()))
+            .with_help("give -o a file name"));
+    }
+    let options = RecorderOptions { replace, ..RecorderOptions::default() };
+    Recorder::create(path, header, options).map_err(|error| match error {
+        RecorderError::Exists { path } => {
+            Failure::input(format!("{} is there already", path.display())).with_help("give -o another path, or --force")
+        }
+        RecorderError::NoName { .. } => Failure::input(error),
+        _ => Failure::failed(error),
+    })
+}
+
+/// A recording alone keeps what it says of itself; anything else becomes an import.
+fn header(inputs: &Inputs, paths: &[PathBuf], config: &str) -> Result<RecordingHeader, Failure> {
+    if let Some(header) = inputs.recording() {
+        return Ok(header.clone());
+    }
+    let digest = |path: &PathBuf| {
+        digest_of(path).map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))
+    };
+    let files = paths.iter().map(digest).collect::<Result<Vec<_>, _>>()?;
+    let simulated = |origin: Origin| origin == Origin::Simulated;
+    let origins = inputs.captures().filter_map(|capture| capture.recording().map(|header| header.origin));
+    let origin = if origins.into_iter().any(simulated) { Origin::Simulated } else { Origin::Import };
+    let synthetic = |capture: &tumbled_io::capture::Capture| capture.summary().stamp_origin == StampOrigin::Synthetic;
+    Ok(RecordingHeader {
+        session: import_session(&files, config),
+        origin,
+        program: VERSION.to_owned(),
+        unix_at_zero: inputs.epoch().unwrap_or_default(),
+        synthetic_times: inputs.captures().any(synthetic),
+        config: config.to_owned(),
+        inputs: files,
+        ..RecordingHeader::default()
+    })
+}
+
+fn copy(inputs: &mut Inputs, recorder: &mut Recorder) -> Result<(), Failure> {
+    while let Some(event) = inputs.next_event()? {
+        // What was refused is in the summary; after a stop nothing more will be taken.
+        if !recorder.write(&event) && recorder.summary().stopped.is_some() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// The recorder's own troubles.
+pub(super) fn written(summary: &RecordingSummary) -> Result<(), Failure> {
+    if let Some(reason) = &summary.stopped {
+        return Err(Failure::failed(reason.clone()));
+    }
+    if summary.unrecordable > 0 {
+        let count = summary.unrecordable;
+        return Err(Failure::failed(format!("{count} events are larger than a recording can hold (16 MiB)")));
+    }
+    Ok(())
+}
+
+fn text(report: &ImportReport) -> String {
+    let (events, path) = (report.ledger.events, report.output.display());
+    let mut text = format!("{events} events -> {path} ({:.1} MB)\n", report.file_bytes as f64 / 1e6);
+    for line in ledger::table(&report.ledger) {
+        text.push_str(&format!("  {line}\n"));
+    }
+    text
+}

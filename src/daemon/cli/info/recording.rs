@@ -1,0 +1,98 @@
+//! What a recording says of itself and what it holds, as part of an input's report.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tumbled_io::recording::RecordingInfo;
+
+use crate::cli::ledger::{self, LedgerReport, PartReport};
+
+/// A recording.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordingReport {
+    /// The session it is of.
+    pub session: String,
+    /// Where its events come from: live, import, simulated.
+    pub origin: String,
+    /// Program and commit that recorded.
+    pub program: String,
+    /// Wall time at its own `t_ns` 0, ns since 1970-01-01 UTC as a decimal string.
+    pub unix_ns_at_zero: String,
+    /// The files it was imported from.
+    pub inputs: Vec<ImportedFile>,
+    /// Operator, notes and the like.
+    pub notes: std::collections::BTreeMap<String, String>,
+    /// What it holds.
+    pub ledger: LedgerReport,
+    /// Its parts, in order.
+    pub parts: Vec<PartReport>,
+    /// Messages whose channel or content cannot be told.
+    pub undecodable: u64,
+    /// Everything that was recorded in these parts is here.
+    pub whole: bool,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+}
+
+/// A file a recording was imported from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImportedFile {
+    /// Its name without folders.
+    pub name: String,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// BLAKE3 of its content, hexadecimal.
+    pub blake3: String,
+}
+
+impl From<&RecordingInfo> for RecordingReport {
+    fn from(info: &RecordingInfo) -> Self {
+        let header = &info.header;
+        let inputs = header.inputs.iter().map(|input| ImportedFile {
+            name: input.name.clone(),
+            bytes: input.bytes,
+            blake3: input.blake3.clone(),
+        });
+        Self {
+            session: header.session.clone(),
+            origin: header.origin.to_string(),
+            program: header.program.clone(),
+            unix_ns_at_zero: header.unix_at_zero.0.to_string(),
+            inputs: inputs.collect(),
+            notes: header.notes.clone(),
+            ledger: (&info.counters).into(),
+            parts: ledger::parts(info),
+            undecodable: info.undecodable,
+            whole: info.whole(),
+            warnings: info.warnings(),
+        }
+    }
+}
+
+/// Labels and values for people.
+pub(super) fn lines(report: &RecordingReport) -> Vec<(&'static str, String)> {
+    let mut lines = vec![("session", format!("{}, {}, by {}", report.session, report.origin, report.program))];
+    let mut labelled = |label: &'static str, values: &mut dyn Iterator<Item = String>| {
+        for (n, value) in values.enumerate() {
+            lines.push((if n == 0 { label } else { "" }, value));
+        }
+    };
+    let file = |input: &ImportedFile| format!("{}, {} bytes, blake3 {:.16}…", input.name, input.bytes, input.blake3);
+    labelled("imported from", &mut report.inputs.iter().map(file));
+    labelled("notes", &mut report.notes.iter().map(|(key, value)| format!("{key}: {value}")));
+    labelled("channels", &mut ledger::table(&report.ledger).into_iter());
+    let part = |part: &PartReport| {
+        let state = if part.finished { "finished" } else { "not finished" };
+        format!("{}: {} events, {state}", part.path.display(), part.events)
+    };
+    if report.parts.len() > 1 {
+        labelled("parts", &mut report.parts.iter().map(part));
+    }
+    if report.ledger.missing_seqs > 0 {
+        lines.push(("missing", format!("{} events of the session are not here", report.ledger.missing_seqs)));
+    }
+    let state = if report.whole { "complete" } else { "not complete" };
+    lines.push(("state", format!("{state}: {} events read", report.ledger.events)));
+    lines
+}

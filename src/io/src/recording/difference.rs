@@ -1,0 +1,100 @@
+//! Where two events differ: the first field that does, and its two values.
+
+use core::fmt;
+use tumbled_model::{Body, Event};
+
+use super::layout::ChannelKey;
+
+/// The first field in which two events differ.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// The field: `seq`, `arrived_ns`, `channel`, `kind` or one of the body.
+    pub field: &'static str,
+    /// Its value in the first event.
+    pub a: String,
+    /// Its value in the second.
+    pub b: String,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} | {}", self.field, self.a, self.b)
+    }
+}
+
+/// The first field in which two events differ; `None`: they are equal.
+pub fn compare(a: &Event, b: &Event) -> Option<Difference> {
+    if a == b {
+        return None;
+    }
+    let of = |event: &Event| ChannelKey::of(&event.body).map_or_else(|| "none".to_owned(), |key| key.to_string());
+    field("seq", a.seq, b.seq)
+        .or_else(|| field("arrived_ns", a.arrived.0, b.arrived.0))
+        .or_else(|| field("channel", of(a), of(b)))
+        .or_else(|| body(&a.body, &b.body))
+        // Kinds of events this comparison has no fields for.
+        .or_else(|| Some(Difference { field: "event", a: format!("{a:?}"), b: format!("{b:?}") }))
+}
+
+fn field<T: PartialEq + fmt::Display>(field: &'static str, a: T, b: T) -> Option<Difference> {
+    (a != b).then(|| Difference { field, a: a.to_string(), b: b.to_string() })
+}
+
+fn body(a: &Body, b: &Body) -> Option<Difference> {
+    match (a, b) {
+        (Body::LidarPacket { bytes: a, .. }, Body::LidarPacket { bytes: b, .. })
+        | (Body::SerialChunk { bytes: a, .. }, Body::SerialChunk { bytes: b, .. })
+        | (Body::DeviceTables { bytes: a, .. }, Body::DeviceTables { bytes: b, .. }) => bytes(a, b),
+        (
+            Body::DepthFrame { ticks: ticks_a, encoding: encoding_a, lost_packets: lost_a, bytes: a, .. },
+            Body::DepthFrame { ticks: ticks_b, encoding: encoding_b, lost_packets: lost_b, bytes: b, .. },
+        ) => {
+            let ticks = |ticks: &Option<_>| {
+                ticks.map_or_else(|| "none".to_owned(), |tumbled_model::KinectTicks(ticks)| ticks.to_string())
+            };
+            let list = |mask: &tumbled_model::PacketMask| format!("{:?}", mask.iter().collect::<Vec<_>>());
+            field("ticks", ticks(ticks_a), ticks(ticks_b))
+                .or_else(|| field("encoding", format!("{encoding_a:?}"), format!("{encoding_b:?}")))
+                .or_else(|| field("lost_packets", list(lost_a), list(lost_b)))
+                .or_else(|| bytes(a, b))
+        }
+        (Body::SensorState { sensor: a, state: x }, Body::SensorState { sensor: b, state: y }) => {
+            field("sensor", a, b).or_else(|| field("state", format!("{x:?}"), format!("{y:?}")))
+        }
+        (Body::Skip { sensor: a, scans: x }, Body::Skip { sensor: b, scans: y }) => {
+            field("sensor", a, b).or_else(|| field("scans", x, y))
+        }
+        (Body::Gap { sensor: a, lost: x, place: p }, Body::Gap { sensor: b, lost: y, place: q }) => {
+            field("sensor", a, b)
+                .or_else(|| field("lost", x, y))
+                .or_else(|| field("place", format!("{p:?}"), format!("{q:?}")))
+        }
+        (Body::Anchor { unix: a }, Body::Anchor { unix: b }) => field("unix_ns", a.0, b.0),
+        _ => field("kind", kind(a), kind(b)),
+    }
+}
+
+fn kind(body: &Body) -> &'static str {
+    match body {
+        Body::LidarPacket { .. } => "LiDAR packet",
+        Body::DepthFrame { .. } => "depth frame",
+        Body::SerialChunk { .. } => "serial chunk",
+        Body::DeviceTables { .. } => "device tables",
+        Body::SensorState { .. } => "sensor state",
+        Body::Skip { .. } => "skip",
+        Body::Anchor { .. } => "anchor",
+        Body::Tick => "tick",
+        Body::Gap { .. } => "gap",
+        _ => "event of another kind",
+    }
+}
+
+/// Where two payloads differ: their lengths, else the first byte that does.
+fn bytes(a: &[u8], b: &[u8]) -> Option<Difference> {
+    if a.len() != b.len() {
+        return field("length", a.len(), b.len());
+    }
+    let at = a.iter().zip(b).position(|(a, b)| a != b)?;
+    let show = |bytes: &[u8]| format!("{:#04x} at byte {at}", bytes.get(at).copied().unwrap_or_default());
+    Some(Difference { field: "bytes", a: show(a), b: show(b) })
+}
