@@ -13,7 +13,7 @@ use crate::support::{Done, Workbench};
 use crate::synth::Sensor;
 
 /// Bytes of a record of the pts format.
-const PTS_RECORD: usize = 24;
+pub(crate) const PTS_RECORD: usize = 24;
 /// Where in it the time (i32) and the flags (u16) stand.
 const PTS_TIME: std::ops::Range<usize> = 12..16;
 const PTS_FLAGS: std::ops::Range<usize> = 22..24;
@@ -24,14 +24,14 @@ const LIDAR_ROW: usize = 39;
 const KINECT_ROW: usize = 20;
 
 /// A bench with `drive.pcap`: a VLP-16 at 600 rpm for `n` packets of 4.78°, in each 384 points at 2 m.
-fn drive(n: usize) -> (Workbench, usize) {
+pub(crate) fn drive(n: usize) -> (Workbench, usize) {
     let packets = Sensor::new(Model::Vlp16, ReturnMode::Strongest).packets(n, |_, _| (1_000, 1_000));
     let bench = Workbench::new();
     bench.file("drive.pcap", write_pcap(&datagrams(&packets)));
     (bench, n * 384)
 }
 
-fn datagrams(packets: &[crate::synth::Packet]) -> Vec<Datagram> {
+pub(crate) fn datagrams(packets: &[crate::synth::Packet]) -> Vec<Datagram> {
     let one = |packet: &crate::synth::Packet| Datagram {
         t_ns: packet.group_t_ns.last().expect("firings") + 80_000,
         port: 2368,
@@ -41,7 +41,7 @@ fn datagrams(packets: &[crate::synth::Packet]) -> Vec<Datagram> {
 }
 
 /// A bench with the fakenect folder `dump` of so many frames, all of one wall at 2 m.
-fn dump(n: u32) -> Workbench {
+pub(crate) fn dump(n: u32) -> Workbench {
     let bench = Workbench::new();
     let RawDisparity(code) = ZeroPlane::default().code_at(2.0).expect("in range");
     let mut index = String::new();
@@ -57,23 +57,23 @@ fn dump(n: u32) -> Workbench {
     bench
 }
 
-fn export(bench: &Workbench, input: &str, what: &str, format: &str, output: &str, more: &[&str]) -> Done {
+pub(crate) fn export(bench: &Workbench, input: &str, what: &str, format: &str, output: &str, more: &[&str]) -> Done {
     bench.run(&[&["export", input, "--what", what, "--format", format, "-o", output], more].concat())
 }
 
-fn fine(done: &Done) {
+pub(crate) fn fine(done: &Done) {
     assert_eq!(done.code, 0, "{}", done.stderr);
 }
 
 /// Refused as bad usage or input: nothing on stdout, no file, the reason named.
-fn refused(bench: &Workbench, done: &Done, output: &str, reason: &str) {
+pub(crate) fn refused(bench: &Workbench, done: &Done, output: &str, reason: &str) {
     assert_eq!((done.code, done.stdout.as_str()), (2, ""), "{}", done.stderr);
     assert!(done.stderr.contains(reason), "{}", done.stderr);
     assert!(!bench.path(output).exists(), "{output} is there");
     assert_eq!(partials(bench), 0, "a .partial file stayed");
 }
 
-fn partials(bench: &Workbench) -> usize {
+pub(crate) fn partials(bench: &Workbench) -> usize {
     let entries = fs::read_dir(bench.path(".")).expect("the bench");
     let names = entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
     names.filter(|name| name.ends_with(".partial")).count()
@@ -191,15 +191,6 @@ fn a_broken_capture_gives_what_it_has_and_exit_code_3() {
 }
 
 #[test]
-fn an_input_is_never_written_over() {
-    let (bench, _) = drive(3);
-    let before = fs::read(bench.path("drive.pcap")).expect("the capture");
-    let done = export(&bench, "drive.pcap", "lidar-points", "pts", "./drive.pcap", &[]);
-    assert_eq!(done.code, 2, "{}", done.stderr);
-    assert!(fs::read(bench.path("drive.pcap")).expect("the capture") == before);
-}
-
-#[test]
 fn one_depth_frame_takes_the_name_and_several_take_the_folder() {
     let bench = dump(3);
     fine(&export(&bench, "dump", "kinect-depth", "png", "one.png", &["--frames", "1"]));
@@ -207,6 +198,7 @@ fn one_depth_frame_takes_the_name_and_several_take_the_folder() {
     for k in 0..3 {
         assert!(bench.path(&format!("all/frame-{k:06}.png")).is_file(), "frame {k}");
     }
+    assert!(!bench.path("times.txt").exists(), "one frame has no list of times");
     assert!(bench.read_bytes("one.png") == bench.read_bytes("all/frame-000001.png"));
     // What was written is read again, as millimetres.
     let done = bench.run(&["info", "all", "--json"]);
@@ -289,4 +281,16 @@ fn real_depth_frames_keep_their_millimetres() {
     let valid = bench.read("first.csv").lines().flat_map(|l| l.split(',')).filter(|mm| *mm != "0").count();
     // 7.6 to 11.5 % of the pixels are invalid in every frame.
     assert!((271_872..=283_853).contains(&valid), "{valid}");
+}
+
+#[test]
+fn a_calibration_that_is_a_folder_is_said_to_be_one() {
+    let (bench, _) = drive(3);
+    fs::create_dir(bench.path("db")).expect("a folder");
+    for settings in
+        [&["--set", "lidar.calibration=db"][..], &["--set", "lidar.calibration=db", "--set", "lidar.model=hdl-64e"]]
+    {
+        let done = export(&bench, "drive.pcap", "lidar-points", "pts", "cloud.pts", settings);
+        refused(&bench, &done, "cloud.pts", "db is a folder");
+    }
 }

@@ -5,6 +5,8 @@ mod cli_basics;
 mod config_cli;
 mod config_layers;
 mod export_cli;
+mod export_losses;
+mod export_outputs;
 mod golden;
 mod info_cli;
 mod recording_cli;

@@ -61,7 +61,7 @@ struct LogArgs {
 /// What to do.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Write points, depth images and states to files other programs open.
+    /// Write points and depth images to files other programs open.
     Export(export::Args),
     /// Tell what inputs hold: models, modes, rates, packets lost, clocks, fields of view.
     Info(info::Args),

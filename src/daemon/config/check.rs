@@ -147,7 +147,7 @@ impl Rules<'_> {
         match model {
             LidarModel::Hdl64e => self.readable(path, file),
             LidarModel::Auto if !file.is_file() => {
-                let message = format!("the calibration file {} is not there", file.display());
+                let message = format!("the calibration file {} {}", file.display(), why_no_file(file));
                 self.warn(path, message, "only an HDL-64E needs it: correct the path, or leave the key out");
             }
             LidarModel::Auto => {}
@@ -221,8 +221,19 @@ impl Rules<'_> {
                 }
                 _ => "correct the path".to_owned(),
             };
-            self.broken(path, format!("the file {} is not there", file.display()), help);
+            self.broken(path, format!("the file {} {}", file.display(), why_no_file(file)), help);
         }
+    }
+}
+
+/// What is wrong with a path that leads to no file.
+fn why_no_file(path: &std::path::Path) -> &'static str {
+    if path.is_dir() {
+        "is a folder"
+    } else if path.exists() {
+        "is no regular file"
+    } else {
+        "is not there"
     }
 }
 

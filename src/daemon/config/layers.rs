@@ -202,7 +202,7 @@ mod tests {
         }
 
         #[test]
-        fn a_config_with_a_piece_replaced_is_a_config_or_has_an_error(
+        fn any_piece_replaced_in_a_config_leaves_a_config_or_an_error(
             at in 0..COMMENTED_DEFAULT.len(),
             length in 0_usize..60,
             piece in r#"([a-z_]{1,8}|[0-9.\-]{1,6}|\[|\]|\{|\}|=|"|,|\n|#){0,4}"#,

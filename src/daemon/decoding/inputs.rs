@@ -1,12 +1,16 @@
 //! The inputs of a command: opened, merged, followed with a progress bar, and judged at the end.
 
+use std::collections::BTreeMap;
+use std::net::IpAddr;
 use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use tumbled_io::capture::{self, Capture, CaptureSummary, Heartbeat, KinectRoute, LidarRoute, Merged, Routing};
+use tumbled_io::capture::{
+    self, Capture, CaptureSummary, Heartbeat, KinectRoute, LidarRoute, Merged, Routing, StampOrigin,
+};
 use tumbled_io::recording::RecordingHeader;
-use tumbled_model::{Event, UnixNs};
+use tumbled_model::{Event, SensorId, UnixNs};
 
 use crate::cli::{Failure, InputArgs};
 use crate::config::Config;
@@ -17,6 +21,7 @@ const TICK_EVENTS: u64 = 256;
 /// Several captures as one ledger.
 pub struct Inputs {
     events: Events,
+    lidars: Vec<SensorId>,
     progress: ProgressBar,
     seen: u64,
 }
@@ -52,6 +57,7 @@ pub fn routing(config: &Config) -> Routing {
 }
 
 fn merge<P: AsRef<Path>>(inputs: &[P], config: &Config) -> Result<Merged, Failure> {
+    refuse_twice(inputs)?;
     let captures = capture::open_all(inputs, &routing(config)).map_err(Failure::input)?;
     capture::merge(captures).map_err(Failure::input)
 }
@@ -60,26 +66,27 @@ impl Inputs {
     /// Opens every input and merges them by host time.
     ///
     /// # Errors
-    /// An input that cannot be read or is none: exit code 2.
+    /// An input that cannot be read, is none, or is given twice: exit code 2.
     pub fn open(args: &InputArgs, config: &Config) -> Result<Self, Failure> {
-        Ok(Self::start(Events::Data(merge(&args.inputs, config)?)))
+        Ok(Self::start(Events::Data(merge(&args.inputs, config)?), config))
     }
 
     /// The same as a whole ledger: foreign captures get ticks and anchors, a recording alone has its own.
     ///
     /// # Errors
-    /// An input that cannot be read or is none: exit code 2.
+    /// An input that cannot be read, is none, or is given twice: exit code 2.
     pub fn open_ledger<P: AsRef<Path>>(inputs: &[P], config: &Config) -> Result<Self, Failure> {
-        Ok(Self::start(Events::Ledger(Heartbeat::new(merge(inputs, config)?))))
+        Ok(Self::start(Events::Ledger(Heartbeat::new(merge(inputs, config)?)), config))
     }
 
-    fn start(events: Events) -> Self {
+    fn start(events: Events, config: &Config) -> Self {
         let progress = ProgressBar::new_spinner().with_style(
             ProgressStyle::with_template("{spinner} {elapsed_precise} {human_pos} packets and frames, {per_sec}")
                 .unwrap_or_else(|_| ProgressStyle::default_spinner()),
         );
         progress.enable_steady_tick(Duration::from_millis(100)); // draws on a terminal only
-        Self { events, progress, seen: 0 }
+        let lidars = config.lidars.iter().map(|lidar| lidar.id.clone()).collect();
+        Self { events, lidars, progress, seen: 0 }
     }
 
     /// The wall time at `t_ns` 0: the earliest host stamp over all inputs.
@@ -118,38 +125,104 @@ impl Inputs {
         merged.captures().next().filter(|_| merged.is_ledger())?.recording()
     }
 
-    /// What a person should know about the inputs: damage and what to change when a LiDAR found nothing.
+    /// Whether the host stamps are real and not numbered at 30 Hz; inputs of both kinds are never merged.
+    pub fn have_host_times(&self) -> bool {
+        self.events.merged().summaries().all(|summary| summary.stamp_origin != StampOrigin::Synthetic)
+    }
+
+    /// What a person should know about the inputs: damage, sensors that are mixed up, and what to change when a LiDAR
+    /// found nothing.
     pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
+        let mut warnings = self.damage();
+        warnings.extend(self.lidars.iter().filter_map(|lidar| self.mixed_sources(lidar)));
+        for capture in self.captures() {
+            warnings.extend(capture.summary().hint().map(|hint| format!("{}: {hint}", capture.path().display())));
+        }
+        warnings
+    }
+
+    /// What of the inputs could not be read or delivered, each with the remedy if there is one.
+    pub fn damage(&self) -> Vec<String> {
+        let mut damage = Vec::new();
         for capture in self.captures() {
             let summary = capture.summary();
             let name = capture.path().display();
             match &summary.recording {
-                Some(recording) => warnings.extend(recording.warnings()),
-                None => warnings.extend(summary.broken_off.iter().map(ToString::to_string)),
+                Some(recording) => damage.extend(recording.warnings()),
+                None => damage.extend(summary.broken_off.iter().map(ToString::to_string)),
             }
-            warnings.extend(summary.damaged_files.iter().map(|d| format!("{}: {}", d.path.display(), d.detail)));
+            damage.extend(summary.damaged_files.iter().map(|d| format!("{}: {}", d.path.display(), d.detail)));
             let mut count = |n: u64, what: &str| {
                 if n > 0 {
-                    warnings.push(format!("{name}: {n} {what}"));
+                    damage.push(format!("{name}: {n} {what}"));
                 }
             };
-            count(summary.cut_short, "packets cut short by the capture's snap length: not decoded");
-            count(summary.fragments, "IP fragments: not put together, not decoded");
-            count(summary.malformed_frames, "frames with contradictory IP or UDP headers: not decoded");
-            count(summary.untimed, "packets without a usable time: not decoded");
+            count(
+                summary.cut_short,
+                "packets cut short by the capture's snap length, not decoded: capture whole packets (tcpdump -s 0)",
+            );
+            count(
+                summary.fragments,
+                "IP fragments, not put together, not decoded: capture before the link that splits them",
+            );
+            count(
+                summary.malformed_frames,
+                "frames with contradictory IP or UDP headers, not decoded: capture on the interface of the sensor's cable",
+            );
+            count(summary.untimed, "packets without a usable time, not decoded: capture with times (tcpdump does)");
+            for (link, frames) in &summary.unread_link_types {
+                let read = "Ethernet, Linux cooked, raw IP and loopback are";
+                count(
+                    *frames,
+                    &format!(
+                        "frames of link type {link}, which is not read ({read}): capture on the interface of the sensor's cable"
+                    ),
+                );
+            }
             for (topic, traffic) in &summary.unused_topics {
                 if let Some(fault) = &traffic.first_fault {
-                    warnings.push(format!("{name}: {} messages of {topic} not used: {fault}", traffic.messages));
+                    damage.push(format!("{name}: {} messages of {topic} not used: {fault}", traffic.messages));
                 }
             }
-            warnings.extend(summary.hint().map(|hint| format!("{name}: {hint}")));
         }
-        warnings
+        damage
+    }
+
+    /// A warning when data packets of more than one sender, over all inputs, were taken for this LiDAR's.
+    pub fn mixed_sources(&self, lidar: &SensorId) -> Option<String> {
+        let mut senders: BTreeMap<IpAddr, u64> = BTreeMap::new();
+        for (address, packets) in self.events.merged().summaries().filter_map(|s| s.data_sources.get(lidar)).flatten() {
+            *senders.entry(*address).or_default() += packets;
+        }
+        // The busiest is the likeliest to be meant; of equals the lowest address.
+        let busiest = senders.iter().rev().max_by_key(|(_, packets)| **packets).map(|(address, _)| *address)?;
+        if senders.len() < 2 {
+            return None;
+        }
+        let list: Vec<String> =
+            senders.iter().map(|(address, packets)| format!("{address} ({packets} packets)")).collect();
+        let key = if self.lidars.len() == 1 { "lidar.source".to_owned() } else { format!("lidar.{lidar}.source") };
+        Some(format!(
+            "LiDAR {lidar} has data packets of several senders, decoded as if of one: {}; set {key}={busiest}",
+            list.join(", ")
+        ))
     }
 
     /// Whether something in the inputs could not be delivered.
     pub fn data_lost(&self) -> bool {
         self.events.merged().summaries().any(CaptureSummary::data_lost)
     }
+}
+
+/// The same recording twice would count everything double.
+fn refuse_twice<P: AsRef<Path>>(inputs: &[P]) -> Result<(), Failure> {
+    let one_path = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    for (k, input) in inputs.iter().enumerate() {
+        let before = inputs.iter().take(k);
+        if before.map(|other| one_path(other.as_ref())).any(|other| other == one_path(input.as_ref())) {
+            return Err(Failure::input(format!("{} is given twice", input.as_ref().display()))
+                .with_help("give each input once: what is in it would count double"));
+        }
+    }
+    Ok(())
 }

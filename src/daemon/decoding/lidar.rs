@@ -39,7 +39,8 @@ fn forced_model(model: LidarModel) -> Option<Model> {
     }
 }
 
-/// Reads the calibration file. The config check has warned of one that is not there where it may not be needed.
+/// Reads the calibration file. The config check has warned of one that is not there, or is no file, where it may not be
+/// needed.
 fn hdl64e_calibration(lidar: &LidarConfig) -> Result<Option<Calibration>, Failure> {
     let Some(path) = lidar.calibration.as_ref().filter(|path| path.exists()) else { return Ok(None) };
     if !matches!(lidar.model, LidarModel::Auto | LidarModel::Hdl64e) {

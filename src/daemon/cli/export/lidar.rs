@@ -3,13 +3,15 @@
 use std::path::PathBuf;
 
 use tumbled_model::{Body, Event};
+use tumbled_velodyne::LidarPoint;
 use tumbled_velodyne::stream::{Decoded, PacketInfo, StreamDecoder};
 use tumbled_velodyne::track::Order;
-use tumbled_velodyne::{LidarPoint, azimuth};
 
 use super::outfile::OutFile;
+use super::protected::Protected;
 use super::table::{Column, Kind, TableFile, Value};
-use super::{Args, Format, Report, choose};
+use super::turns::Turns;
+use super::{Args, Format, Report, choose, names, nothing_exported};
 use crate::cli::Failure;
 use crate::config::Config;
 use crate::decoding::{Inputs, lidar};
@@ -35,13 +37,18 @@ const COLUMNS: &[Column] = &[
 const FLAG_JUMP: u16 = 1;
 
 /// Decodes one LiDAR's packets and writes its points.
-pub(super) fn export(args: &Args, config: &Config, inputs: &mut Inputs) -> Result<Report, Failure> {
+pub(super) fn export(
+    args: &Args,
+    config: &Config,
+    protected: &Protected,
+    inputs: &mut Inputs,
+) -> Result<Report, Failure> {
     let sensor = choose(&config.lidars, |lidar| lidar.id.as_str(), args.sensor.as_deref(), "LiDAR")?;
     let mut decoder = StreamDecoder::new(lidar::settings(sensor)?);
     let mut decoded = Decoded::default();
-    let mut sink = Sink::create(args)?;
+    let mut sink = Sink::create(args, protected)?;
     let mut turns = Turns::default();
-    let mut lost = 0;
+    let mut lost: u64 = 0;
     loop {
         let event = inputs.next_event()?;
         match &event {
@@ -52,10 +59,15 @@ pub(super) fn export(args: &Args, config: &Config, inputs: &mut Inputs) -> Resul
             None => decoder.finish(&mut decoded),
         }
         for packet in &decoded.packets {
-            let turn = turns.of(packet);
+            let turn = turns.of(packet, decoder.tracker().rpm());
             if args.frames.contains(turn) {
                 sink.packet(packet, &decoded)?;
-                lost += if let Order::Next { lost } = packet.order { lost } else { 0 };
+                match packet.order {
+                    Order::Next { lost: before } => lost += before,
+                    // It was counted as lost when its successor came.
+                    Order::Late => lost = lost.saturating_sub(1),
+                    Order::Duplicate | Order::Reset => {}
+                }
             }
         }
         decoded.clear();
@@ -66,21 +78,23 @@ pub(super) fn export(args: &Args, config: &Config, inputs: &mut Inputs) -> Resul
     refuse_nothing(&decoder, inputs)?;
     if sink.packets == 0 {
         let seen = turns.seen();
-        return Err(Failure::input(format!(
-            "the inputs hold {seen} turns of the head, begun ones counted, none in --frames"
-        ))
-        .with_help("turns are counted from 0"));
+        let why = format!("the inputs hold {seen} turns of the head, begun ones counted, none in --frames");
+        return Err(nothing_exported(&why, inputs).with_help("turns are counted from 0"));
     }
     let whole = args.frames.contains(0) && !args.frames.is_behind(u64::MAX - 1);
+    let lost_of_all = decoder.tracker().totals().lost;
     Ok(Report {
         what: args.what,
         format: args.format,
         sensor: sensor.id.to_string(),
         records: sink.packets,
         points: sink.points,
-        lost: if whole { decoder.tracker().totals().lost } else { lost },
+        // A silence may count as loss until the field of view is known; of all packets together that is then corrected.
+        lost: if whole { lost_of_all } else { lost.min(lost_of_all) },
+        not_decoded: decoder.counts().rejected.values().sum(),
+        complete: false, // judged with the inputs, by the caller
         warnings: warnings(&decoder),
-        files: vec![sink.finish()?],
+        files: names(&[sink.finish()?]),
     })
 }
 
@@ -90,17 +104,16 @@ fn refuse_nothing(decoder: &StreamDecoder, inputs: &Inputs) -> Result<(), Failur
         return Ok(());
     }
     let remedy = inputs.captures().find_map(|capture| capture.summary().hint()).map(|hint| hint.to_string());
-    Err(match decoder.counts().rejected.iter().max_by_key(|(_, count)| **count) {
-        Some((reason, count)) => {
-            Failure::input(format!("none of the LiDAR's packets can be decoded ({count}: {reason})"))
-        }
-        None => Failure::input("the inputs hold no LiDAR packets"),
-    }
-    .with_help(remedy.unwrap_or_else(|| "`tumbled info INPUT` lists what is in it".to_owned())))
+    let why = match decoder.counts().rejected.iter().max_by_key(|(_, count)| **count) {
+        Some((reason, count)) => format!("none of the LiDAR's packets can be decoded ({count}: {reason})"),
+        None => "the inputs hold no LiDAR packets".to_owned(),
+    };
+    let remedy = remedy.unwrap_or_else(|| "`tumbled info INPUT` lists what is in it".to_owned());
+    Err(nothing_exported(&why, inputs).with_help(remedy))
 }
 
 /// What the decoder noticed that the person should know.
-pub(in crate::cli) fn warnings(decoder: &StreamDecoder) -> Vec<String> {
+fn warnings(decoder: &StreamDecoder) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(decoder.period_mismatch().map(|mismatch| mismatch.to_string()));
     for (reason, count) in &decoder.counts().rejected {
@@ -110,33 +123,17 @@ pub(in crate::cli) fn warnings(decoder: &StreamDecoder) -> Vec<String> {
     if totals.lost > 0 {
         warnings.push(format!("{} packets lost in {} places, by their stamps", totals.lost, totals.gaps));
     }
+    if totals.duplicates > 0 {
+        warnings.push(format!("{} packets came twice: both are exported", totals.duplicates));
+    }
+    if totals.late > 0 {
+        warnings
+            .push(format!("{} packets came after later ones: they are exported in the order they came", totals.late));
+    }
     if totals.resets > 0 {
         warnings.push(format!("the sensor's clock was set anew {} times: losses around it are unknown", totals.resets));
     }
     warnings
-}
-
-/// Counts the turns of the head by the packets' first azimuths, from the first packet's.
-#[derive(Default)]
-struct Turns {
-    turned_cdeg: i64,
-    last_cdeg: Option<u16>,
-}
-
-impl Turns {
-    /// Turns so far, the one under way included.
-    fn seen(&self) -> i64 {
-        self.turned_cdeg / 36_000 + 1
-    }
-
-    fn of(&mut self, packet: &PacketInfo) -> u64 {
-        let (first, _) = packet.azimuth_cdeg;
-        if let (Some(last), Order::Next { .. } | Order::Reset) = (self.last_cdeg, packet.order) {
-            self.turned_cdeg += i64::from(azimuth::forward_cdeg(last, first));
-        }
-        self.last_cdeg = Some(first);
-        (self.turned_cdeg / 36_000).max(0) as u64
-    }
 }
 
 /// Where the points go.
@@ -152,7 +149,7 @@ enum File {
 }
 
 impl Sink {
-    fn create(args: &Args) -> Result<Self, Failure> {
+    fn create(args: &Args, protected: &Protected) -> Result<Self, Failure> {
         let comments = || {
             vec![
                 "tumbled lidar-points: metres, x forward, y left, z up (sensor frame), one row per return".to_owned(),
@@ -162,8 +159,8 @@ impl Sink {
             ]
         };
         let file = match args.format {
-            Format::Pts => File::Pts(OutFile::create(&args.output)?),
-            format => File::Table(TableFile::create(&args.output, format, COLUMNS, comments())?),
+            Format::Pts => File::Pts(OutFile::create(&args.output, false, protected)?),
+            format => File::Table(TableFile::create(&args.output, format, COLUMNS, comments(), protected)?),
         };
         Ok(Self { file, packets: 0, points: 0 })
     }

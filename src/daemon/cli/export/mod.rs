@@ -2,16 +2,19 @@
 //!
 //! ```text
 //!   inputs ─▶ events ─┬─▶ lidar:  packets → points ─▶ PointFile (pts, csv, ply, pcd)
-//!                     └─▶ kinect: frames → depth or points ─▶ one file a frame (png, csv, ply, pcd)
+//!                     └─▶ kinect: frames → depth or points ─▶ one file a frame (png, csv, ply, pcd), times.txt
 //! ```
 
 mod frames;
 mod kinect;
 mod lidar;
 mod outfile;
+mod protected;
 mod table;
+mod turns;
 
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
 use clap::{Args as ClapArgs, ValueEnum};
 use schemars::JsonSchema;
@@ -20,13 +23,16 @@ use serde::Serialize;
 use super::{Failure, InputArgs, Outcome, output};
 use crate::decoding::Inputs;
 pub use frames::FrameRange;
+use protected::Protected;
 
 /// What `export` is asked for.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:\n  tumbled export drive.pcap --what lidar-points --format ply -o cloud.ply\n  \
     tumbled export drive.pcap --what lidar-points --format csv -o first-turn.csv --frames 0..1\n  \
     tumbled export dump/ --what kinect-depth --format png -o depth/\n\n\
-    Exit code 3: everything readable was exported, but part of an input could not be read.")]
+    Exit code 3: everything there is was exported, but data of the sensor are missing: part of an input could not be \
+    read or decoded, or packets were lost before the capture, by the sensor's own stamps. The warnings say what and how \
+    much.")]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
@@ -36,7 +42,7 @@ pub struct Args {
     /// The file format.
     #[arg(long, value_enum)]
     format: Format,
-    /// The file to write; a folder for several Kinect frames.
+    /// The file to write; a folder for several Kinect frames, which also gets their host times (times.txt).
     #[arg(short = 'o', long = "output", value_name = "PATH")]
     output: PathBuf,
     /// Kinect: frames A to B-1 of the inputs, counted from 0. LiDAR: turns of the head, counted from the first packet.
@@ -97,14 +103,20 @@ pub struct Report {
     format: Format,
     /// The sensor exported.
     sensor: String,
-    /// The files, in order of the frames.
-    files: Vec<PathBuf>,
+    /// The files, in order of the frames; what of a name is no UTF-8 is replaced by U+FFFD.
+    files: Vec<String>,
     /// LiDAR: data packets. Kinect: depth frames.
     records: u64,
     /// Points, or pixels with a depth.
     points: u64,
-    /// LiDAR: packets that the stamps say were sent and that the inputs do not hold.
+    /// LiDAR: packets that the stamps say were sent and that the inputs do not hold. Kinect: USB packets missing in the
+    /// frames.
     lost: u64,
+    /// LiDAR: payloads on the sensor's ports that gave no points. Kinect: frames that could not be decoded.
+    not_decoded: u64,
+    /// Nothing is missing: the inputs could be read whole, nothing is lost and nothing was not decoded. Otherwise the
+    /// exit code is 3.
+    complete: bool,
     /// What a person should know.
     warnings: Vec<String>,
 }
@@ -114,36 +126,59 @@ pub struct Report {
 /// # Errors
 /// Exit code 2: an input or a combination that cannot be used. 1: a file that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    refuse_own_input(args)?;
     let loaded = args.input.config.load()?;
+    let protected = Protected::new(args, &loaded.config);
+    // Better now than after reading it all; a folder's files are looked at one by one.
+    protected.allow(&args.output, &protected::resolve(&args.output).unwrap_or_else(|_| args.output.clone()))?;
+    // Asked now: writing may give the name to another file.
+    let on_stdout = is_stdout(&args.output);
     let mut inputs = Inputs::open(&args.input, &loaded.config)?;
     let mut report = match (args.what, args.format) {
         (What::LidarPoints, Format::Pts | Format::Csv | Format::Ply | Format::Pcd) => {
-            lidar::export(args, &loaded.config, &mut inputs)?
+            lidar::export(args, &loaded.config, &protected, &mut inputs)?
         }
         (What::KinectPoints, Format::Csv | Format::Ply | Format::Pcd)
-        | (What::KinectDepth, Format::Png | Format::Csv) => kinect::export(args, &loaded.config, &mut inputs)?,
+        | (What::KinectDepth, Format::Png | Format::Csv) => {
+            kinect::export(args, &loaded.config, &protected, &mut inputs)?
+        }
         (what, format) => return Err(no_such_combination(what, format)),
     };
     report.warnings.extend(inputs.warnings());
+    report.complete = !inputs.data_lost() && report.lost == 0 && report.not_decoded == 0;
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&summary(&report))?;
+    match (args.json, on_stdout) {
+        (true, false) => output::json(&report)?,
+        (false, false) => output::text(&summary(&report))?,
+        // The points are there, the report must not stand among them.
+        (_, true) => tracing::info!("{}", summary(&report).trim_end()),
     }
-    Ok(if inputs.data_lost() { Outcome::Incomplete } else { Outcome::Fine })
+    Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 
-/// An output that is an input would replace the recording it is made from.
-fn refuse_own_input(args: &Args) -> Result<(), Failure> {
-    let Ok(output) = args.output.canonicalize() else { return Ok(()) };
-    let same = args.input.inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == output));
-    match same {
-        Some(input) => Err(Failure::input(format!("{} is an input, it is not written to", input.display()))
-            .with_help("give -o another path")),
-        None => Ok(()),
+/// Whether a path is where standard output goes.
+fn is_stdout(path: &Path) -> bool {
+    let identity = |path: &Path| path.metadata().ok().map(|metadata| (metadata.dev(), metadata.ino()));
+    let is_null = path.canonicalize().is_ok_and(|path| path == Path::new("/dev/null"));
+    !is_null && identity(path).is_some_and(|output| identity(Path::new("/dev/stdout")) == Some(output))
+}
+
+/// A failure of an export that found nothing, with what went wrong in the inputs: that is the likely reason.
+fn nothing_exported(why: &str, inputs: &Inputs) -> Failure {
+    const TOLD: usize = 5;
+    let damage = inputs.damage();
+    let mut text = why.to_owned();
+    for reason in damage.iter().take(TOLD) {
+        text.push_str(&format!("; {reason}"));
     }
+    if damage.len() > TOLD {
+        text.push_str(&format!("; and {} more", damage.len() - TOLD));
+    }
+    Failure::input(text)
+}
+
+/// Paths as the report has them.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    paths.iter().map(|path| path.display().to_string()).collect()
 }
 
 fn no_such_combination(what: What, format: Format) -> Failure {
@@ -167,12 +202,20 @@ fn summary(report: &Report) -> String {
     };
     let files = match report.files.as_slice() {
         [] => "nothing".to_owned(),
-        [one] => one.display().to_string(),
-        [first, .., last] => format!("{} files, {} to {}", report.files.len(), first.display(), last.display()),
+        [one] => one.clone(),
+        [first, .., last] => format!("{} files, {first} to {last}", report.files.len()),
     };
     let mut text = format!("{}: {} {records}, {} {points} -> {files}\n", report.sensor, report.records, report.points);
-    if report.lost > 0 {
-        text.push_str(&format!("{} packets are missing in the inputs, by their stamps\n", report.lost));
+    match report.what {
+        _ if report.lost == 0 => {}
+        What::LidarPoints => {
+            text.push_str(&format!("{} packets are missing in the inputs, by their stamps\n", report.lost));
+        }
+        _ => text.push_str(&format!("{} USB packets are missing in the frames\n", report.lost)),
+    }
+    if report.not_decoded > 0 {
+        let what = if report.what == What::LidarPoints { "payloads" } else { "frames" };
+        text.push_str(&format!("{} {what} could not be decoded\n", report.not_decoded));
     }
     text
 }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::Format;
 use super::outfile::OutFile;
+use super::protected::Protected;
 use crate::cli::Failure;
 
 /// A column: its name as other programs know it, and its type.
@@ -94,8 +95,9 @@ impl TableFile {
         format: Format,
         columns: &'static [Column],
         comments: Vec<String>,
+        protected: &Protected,
     ) -> Result<Self, Failure> {
-        let file = OutFile::create(path)?;
+        let file = OutFile::create(path, format != Format::Csv, protected)?;
         let mut table = Self { file, format, columns, comments, rows: 0, line: Vec::new(), text: String::new() };
         let header = table.header();
         table.file.write(header.as_bytes())?;

@@ -11,7 +11,7 @@ pub(super) fn report(capture: &Capture) -> InputReport {
     let (first, last) = (summary.earliest.filter(|_| timed), summary.latest.filter(|_| timed));
     let file = std::fs::metadata(capture.path()).ok().filter(std::fs::Metadata::is_file);
     InputReport {
-        path: capture.path().to_owned(),
+        path: capture.path().display().to_string(),
         kind: kind(summary.kind),
         size_bytes: file.map(|metadata| metadata.len()),
         stamp_origin: stamp_origin(summary.stamp_origin),
@@ -80,9 +80,9 @@ fn left_out(summary: &CaptureSummary) -> Vec<LeftOut> {
         add(*datagrams, false, format!("datagrams from {address}, which lidar.source excludes"));
     }
     for (link, frames) in &summary.unread_link_types {
-        add(*frames, false, format!("frames of link type {link}, which is not read"));
+        add(*frames, true, format!("frames of link type {link}, which is not read"));
     }
-    add(summary.malformed_frames, false, "frames with contradictory IP or UDP headers".to_owned());
+    add(summary.malformed_frames, true, "frames with contradictory IP or UDP headers".to_owned());
     for (topic, traffic) in &summary.unused_topics {
         let why = match &traffic.first_fault {
             Some(fault) => format!(": {fault}"),
@@ -109,5 +109,5 @@ fn broken_file(broken: &BrokenOff) -> BrokenFile {
         Place::Byte(offset) => (Some(offset), None),
         Place::AfterRow(row) => (None, Some(row)),
     };
-    BrokenFile { path: broken.path.clone(), byte, after_row, detail: broken.detail.clone() }
+    BrokenFile { path: broken.path.display().to_string(), byte, after_row, detail: broken.detail.clone() }
 }

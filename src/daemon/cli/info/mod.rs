@@ -29,7 +29,6 @@ use crate::decoding::Inputs;
 use crate::decoding::kinect::Frame;
 use kinect::KinectWatch;
 use lidar::LidarWatch;
-use report::input::HostStamps;
 use report::{Absent, InfoReport, KinectReport, LidarReport, SensorKind, Verdict};
 
 /// What `info` is asked for.
@@ -37,8 +36,8 @@ use report::{Absent, InfoReport, KinectReport, LidarReport, SensorKind, Verdict}
 #[command(
     after_help = "Examples:\n  tumbled info drive.pcap\n  tumbled info drive.pcap dump/ --config rig.toml --json\n  \
     tumbled info old.pcap --set lidar.model=vlp-16\n\n\
-    Exit code 3: part of an input could not be read. Packets that were lost before the capture are the report's content \
-    and leave the exit code 0."
+    Exit code 3: part of an input could not be read. Packets that were lost before the capture, and payloads that are no \
+    packets of the sensor, are the report's content and leave the exit code 0."
 )]
 pub struct Args {
     #[command(flatten)]
@@ -103,10 +102,12 @@ impl Watch {
     fn report(mut self, inputs: &Inputs) -> InfoReport {
         self.lidars.iter_mut().for_each(LidarWatch::finish);
         let input_reports: Vec<_> = inputs.captures().map(input::report).collect();
-        // Inputs with and without times are never mixed.
-        let host_times = input_reports.iter().all(|input| input.stamp_origin != HostStamps::Synthetic);
+        let host_times = inputs.have_host_times();
         let seen = self.lidars.iter().filter(|lidar| lidar.seen());
-        let lidars: Vec<LidarReport> = seen.map(|lidar| lidar_report::report(lidar, host_times)).collect();
+        let mut lidars: Vec<LidarReport> = seen.map(|lidar| lidar_report::report(lidar, host_times)).collect();
+        for lidar in &mut lidars {
+            lidar.warnings.extend(inputs.mixed_sources(&lidar.id.as_str().into()));
+        }
         let seen = self.kinects.iter().filter(|kinect| kinect.seen());
         let kinects: Vec<KinectReport> = seen.map(|kinect| kinect.report(host_times)).collect();
         let absent = |kind| move |id: &str| Absent { kind, id: id.to_owned() };

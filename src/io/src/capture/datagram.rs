@@ -210,7 +210,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
         #[test]
-        fn payload_is_never_longer_than_its_header_says(
+        fn any_frame_gives_a_payload_no_longer_than_its_header_says(
             number in prop::sample::select(vec![0u16, 1, 101, 113, 276]),
             mut frame in prop::collection::vec(any::<u8>(), 0..200),
             make_ip in any::<bool>(),

@@ -265,9 +265,7 @@ pub(super) mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig {
-            cases: ProptestConfig::default().cases / 4, failure_persistence: None, ..ProptestConfig::default()
-        })]
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
         #[test]
         fn flipped_and_cut_pngs_give_a_whole_frame_or_a_reason(
             flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..4),

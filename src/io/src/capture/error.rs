@@ -18,8 +18,8 @@ pub enum CaptureError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What the system said. Part of the text, so not a `source()` that would be printed a second time.
+        r#source: std::io::Error,
     },
     /// A pipe, socket or device: a capture is read more than once, and reading a pipe could wait for ever.
     #[error("{} is neither a file nor a folder: copy the data into a file first", path.display())]
@@ -199,8 +199,8 @@ pub enum CaptureError {
     Database {
         /// The file.
         path: PathBuf,
-        /// What SQLite said.
-        source: Box<rusqlite::Error>,
+        /// What SQLite said. Part of the text, so not a `source()` that would be printed a second time.
+        r#source: Box<rusqlite::Error>,
     },
     /// An SQLite file that is no bag.
     #[error("{} is an SQLite database but no ROS 2 bag: it has no ordinary table `{table}`", path.display())]

@@ -127,6 +127,7 @@ impl PacketSource {
         let traffic = summary.sensor(sensor);
         if is_data {
             traffic.data_packets += 1;
+            summary.count_data_source(sensor, source);
         } else {
             traffic.position_packets += 1;
         }

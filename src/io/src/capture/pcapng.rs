@@ -5,7 +5,7 @@
 //! packets are in enhanced (6), obsolete (2) and simple (3) packet blocks. All others are passed over.
 
 use super::datagram::LinkType;
-use super::files::{io_error, open_buffered};
+use super::files::{io_error, open_buffered, read_head};
 use super::packets::{Framing, FramingError, PacketHead, ReadUpTo};
 use super::{CaptureError, MAX_RECORD_BYTES, Place};
 use std::fs::File;
@@ -18,6 +18,9 @@ const INTERFACE_DESCRIPTION: u32 = 1;
 const OBSOLETE_PACKET: u32 = 2;
 const SIMPLE_PACKET: u32 = 3;
 const ENHANCED_PACKET: u32 = 6;
+
+/// Type, length, byte-order mark, version (4), section length (8), length again; bytes.
+const SMALLEST_SECTION_HEADER: u64 = 28;
 
 /// More interfaces than any machine has: a file with more is damaged.
 const MAX_INTERFACES: usize = 1 << 16;
@@ -78,22 +81,41 @@ impl PcapNgFraming {
             Self { reader, big_endian: false, interfaces: Vec::new(), offset: 0, body: Vec::new(), finished: false };
         // The first block must be a whole section header, else there is nothing to salvage.
         match framing.next_block() {
-            Ok(Some(SECTION_HEADER)) => Ok(framing),
-            Ok(Some(found)) => {
+            Ok(Some(SECTION_HEADER)) if !framing.finished => Ok(framing),
+            Ok(Some(found)) if found != SECTION_HEADER => {
                 let expected = "a pcapng section header (0x0a0d0d0a)";
                 Err(CaptureError::BadHeader { path: path.to_owned(), offset: 0, found: u64::from(found), expected })
             }
-            Ok(None) => Err(CaptureError::TooShort { path: path.to_owned(), length: 0 }),
             Err(FramingError::Io(source)) => Err(io_error(path)(source)),
-            Err(FramingError::Broken { .. }) if framing.body.len() < 16 => {
-                Err(CaptureError::TooShort { path: path.to_owned(), length: 12 + framing.body.len() as u64 })
-            }
-            Err(FramingError::Broken { .. }) => Err(CaptureError::BadHeader {
-                path: path.to_owned(),
-                offset: 8,
-                found: u64::from(self::be_u32(&framing.body).unwrap_or(0)),
-                expected: "a pcapng byte-order mark 0x1a2b3c4d and version 1",
-            }),
+            Ok(_) | Err(FramingError::Broken { .. }) => Err(framing.why_no_section(path)?),
+        }
+    }
+
+    /// What is wrong with a section header that cannot be read: it is cut, or a field of it is impossible.
+    fn why_no_section(&self, path: &Path) -> Result<CaptureError, CaptureError> {
+        let path_of = || path.to_owned();
+        let length = std::fs::metadata(path).map_err(io_error(path))?.len();
+        let too_short = CaptureError::TooShort { path: path_of(), length };
+        if length < SMALLEST_SECTION_HEADER {
+            return Ok(too_short);
+        }
+        let bad = |offset, found, expected| CaptureError::BadHeader { path: path_of(), offset, found, expected };
+        let mark = be_u32(&self.body).unwrap_or(0);
+        if ![0x1a2b_3c4d, 0x4d3c_2b1a].contains(&mark) {
+            return Ok(bad(8, u64::from(mark), "a pcapng byte-order mark 0x1a2b3c4d"));
+        }
+        let head = read_head(path, 8)?;
+        let total = head.get(4..).and_then(be_u32).unwrap_or(0);
+        let total = u64::from(if self.big_endian { total } else { total.swap_bytes() });
+        if total < SMALLEST_SECTION_HEADER || !total.is_multiple_of(4) || total > MAX_RECORD_BYTES as u64 {
+            return Ok(bad(4, total, "the length of a section header, a multiple of 4 of at least 28"));
+        }
+        if length < total {
+            return Ok(too_short);
+        }
+        match self.u16_at(4) {
+            Some(version) if version != 1 => Ok(bad(12, u64::from(version), "version 1 of pcapng")),
+            _ => Ok(bad(4, total, "the length that the section header is closed with")),
         }
     }
 

@@ -190,6 +190,8 @@ pub struct CaptureSummary {
     pub stamp_origin: StampOrigin,
     /// Delivered and lost, by sensor.
     pub sensors: BTreeMap<SensorId, SensorTraffic>,
+    /// Addresses that datagrams on each LiDAR's data port came from, and how many; the first 64 addresses of each.
+    pub data_sources: BTreeMap<SensorId, BTreeMap<IpAddr, u64>>,
     /// Earliest host stamp delivered.
     pub earliest: Option<UnixNs>,
     /// Latest host stamp delivered.
@@ -235,6 +237,7 @@ impl CaptureSummary {
             kind,
             stamp_origin,
             sensors: BTreeMap::new(),
+            data_sources: BTreeMap::new(),
             earliest: None,
             latest: None,
             backward_steps: 0,
@@ -263,6 +266,8 @@ impl CaptureSummary {
             || self.recording.as_ref().is_some_and(|recording| !recording.whole())
             || self.cut_short > 0
             || self.fragments > 0
+            || self.malformed_frames > 0
+            || !self.unread_link_types.is_empty()
             || self.untimed > 0
             || self.damaged_frames > 0
             || self.sensors.values().any(|traffic| traffic.lost > 0)
@@ -315,8 +320,15 @@ impl CaptureSummary {
     }
 
     pub(crate) fn count_other_source(&mut self, address: IpAddr) {
-        if self.other_sources.len() < LISTED || self.other_sources.contains_key(&address) {
-            *self.other_sources.entry(address).or_default() += 1;
+        count_address(&mut self.other_sources, address);
+    }
+
+    pub(crate) fn count_data_source(&mut self, id: &SensorId, address: IpAddr) {
+        match self.data_sources.get_mut(id) {
+            Some(addresses) => count_address(addresses, address),
+            None => {
+                self.data_sources.insert(id.clone(), BTreeMap::from([(address, 1)]));
+            }
         }
     }
 
@@ -337,6 +349,13 @@ impl CaptureSummary {
         if self.damaged_files.len() < LISTED {
             self.damaged_files.push(DamagedFile { path: path.to_owned(), detail: detail.to_string() });
         }
+    }
+}
+
+/// One more from an address; beyond the bound only addresses that are listed already are counted.
+fn count_address(addresses: &mut BTreeMap<IpAddr, u64>, address: IpAddr) {
+    if addresses.len() < LISTED || addresses.contains_key(&address) {
+        *addresses.entry(address).or_default() += 1;
     }
 }
 
@@ -365,7 +384,19 @@ mod tests {
         let mut summary = CaptureSummary::new(CaptureKind::Pcap, StampOrigin::Capture);
         for n in 0..1000u32 {
             summary.count_other_source(IpAddr::from(n.to_be_bytes()));
+            summary.count_data_source(&SensorId::from("front"), IpAddr::from(n.to_be_bytes()));
         }
         assert_eq!(summary.other_sources.len(), LISTED);
+        assert_eq!(summary.data_sources[&SensorId::from("front")].len(), LISTED);
+    }
+
+    #[test]
+    fn whatever_may_have_been_a_sensors_is_data_lost() {
+        let whole = || CaptureSummary::new(CaptureKind::PcapNg, StampOrigin::Capture);
+        assert!(!whole().data_lost());
+        assert!(CaptureSummary { malformed_frames: 1, ..whole() }.data_lost());
+        assert!(CaptureSummary { fragments: 1, ..whole() }.data_lost());
+        assert!(CaptureSummary { unread_link_types: [(189, 1)].into(), ..whole() }.data_lost());
+        assert!(!CaptureSummary { not_udp: 1, ..whole() }.data_lost(), "ARP is nobody's");
     }
 }

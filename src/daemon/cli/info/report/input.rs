@@ -1,7 +1,5 @@
 //! One input of `tumbled info`'s report.
 
-use std::path::PathBuf;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,8 +10,8 @@ use super::WallTime;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InputReport {
-    /// The path as given.
-    pub path: PathBuf,
+    /// The path as given; what of it is no UTF-8 is replaced by U+FFFD.
+    pub path: String,
     /// What it is.
     pub kind: InputKind,
     /// Size of the file; null for a folder.
@@ -113,7 +111,7 @@ pub struct LeftOut {
 #[serde(deny_unknown_fields)]
 pub struct BrokenFile {
     /// The file.
-    pub path: PathBuf,
+    pub path: String,
     /// Offset of the first byte that cannot be used; null for databases.
     pub byte: Option<u64>,
     /// The last row that could be read; null for files that are no database.

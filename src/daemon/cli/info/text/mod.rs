@@ -58,7 +58,7 @@ impl Page {
 
 fn input(page: &mut Page, input: &InputReport) {
     let size = input.size_bytes.map(|size| format!(", {}", bytes(size))).unwrap_or_default();
-    page.heading(&format!("{}: {}{size}", input.path.display(), kind(input.kind)));
+    page.heading(&format!("{}: {}{size}", input.path, kind(input.kind)));
     match (&input.first, &input.last, input.duration_s) {
         (Some(first), Some(last), Some(duration)) => {
             page.line("host time", &format!("{} to {}, {}", utc(first), utc(last), seconds(duration)));
@@ -89,7 +89,7 @@ fn input(page: &mut Page, input: &InputReport) {
             (None, Some(row)) => format!("row {row}"),
             (None, None) => "an unknown place".to_owned(),
         };
-        page.alert(&format!("{} is readable only up to {place}: {}", broken.path.display(), broken.detail));
+        page.alert(&format!("{} is readable only up to {place}: {}", broken.path, broken.detail));
     }
     for warning in input.recording.iter().flat_map(|recording| &recording.warnings) {
         page.alert(warning);

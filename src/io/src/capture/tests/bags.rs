@@ -3,20 +3,19 @@
 use super::super::cdr::tests::{Writer as Cdr, image_message, scan_message};
 use super::super::{CaptureKind, KinectRoute, LidarRoute, MessageFault, Place};
 use super::*;
-use proptest::prelude::*;
 use rusqlite::{Connection, params};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
 use tumbled_model::DepthEncoding;
 
-const SCAN: &str = "velodyne_msgs/msg/VelodyneScan";
+pub(super) const SCAN: &str = "velodyne_msgs/msg/VelodyneScan";
 const IMAGE: &str = "sensor_msgs/msg/Image";
 
 /// A message for a bag: topic, type, receive time, bytes.
-type Posted<'a> = (&'a str, &'a str, i64, Vec<u8>);
+pub(super) type Posted<'a> = (&'a str, &'a str, i64, Vec<u8>);
 
-fn mcap_bag(compression: Option<mcap::Compression>, messages: &[Posted<'_>]) -> Vec<u8> {
+pub(super) fn mcap_bag(compression: Option<mcap::Compression>, messages: &[Posted<'_>]) -> Vec<u8> {
     let options = mcap::WriteOptions::new().compression(compression).chunk_size(Some(4096));
     let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
     let mut channels = BTreeMap::new();
@@ -33,7 +32,7 @@ fn mcap_bag(compression: Option<mcap::Compression>, messages: &[Posted<'_>]) -> 
     writer.into_inner().into_inner()
 }
 
-fn db3_bag(path: &Path, messages: &[Posted<'_>]) {
+pub(super) fn db3_bag(path: &Path, messages: &[Posted<'_>]) {
     let connection = Connection::open(path).unwrap();
     // As rosbag2 creates it.
     connection
@@ -310,70 +309,4 @@ fn a_bag_with_a_write_ahead_log_is_read_with_it() {
     connection.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, 0, ?1)", [second]).unwrap();
     // Still open: the second message is in the log only.
     assert_eq!(read_all(&path).0.len(), 2);
-}
-
-/// Whatever opens is read to its end: at most as many packets as there are bytes for.
-fn drain(path: &Path, length: usize) {
-    if let Ok(capture) = open_default(path) {
-        let packets =
-            capture.filter(|record| record.as_ref().is_ok_and(|r| matches!(r.body, Body::LidarPacket { .. })));
-        assert!(packets.count() <= length, "each packet has bytes of its own");
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 2, ..ProptestConfig::default() })]
-    #[test]
-    fn flipped_bytes_in_an_mcap_end_without_panic(
-        flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), kind in 0..3,
-        cut in any::<prop::sample::Index>(), cutting in any::<bool>(),
-    ) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("bag.mcap");
-        let compression = [None, Some(mcap::Compression::Lz4), Some(mcap::Compression::Zstd)][kind as usize];
-        let scan = ("/points", SCAN, 0, scan_message(false, &[(1, 0, 1), (2, 0, 2)]));
-        let mut content = mcap_bag(compression, &[scan.clone(), scan]);
-        for (at, value) in flips {
-            let at = at.index(content.len());
-            content[at] ^= value;
-        }
-        if cutting {
-            content.truncate(cut.index(content.len()));
-        }
-        fs::write(&path, &content).unwrap();
-        drain(&path, 20_000);
-    }
-
-    #[test]
-    fn any_bytes_behind_the_mcap_magic_end_without_panic(
-        tail in prop::collection::vec(any::<u8>(), 0..300), op in 1u8..16, len in 0u64..400,
-    ) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("bag.mcap");
-        let content = [mcap::MAGIC, &[op], &len.to_le_bytes(), &tail].concat();
-        fs::write(&path, &content).unwrap();
-        drain(&path, content.len());
-    }
-
-    #[test]
-    fn flipped_bytes_in_an_sqlite_bag_end_without_panic(
-        flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
-        head in any::<bool>(), cut in any::<prop::sample::Index>(), cutting in any::<bool>(),
-    ) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("bag.db3");
-        let scan = ("/points", SCAN, 0, scan_message(false, &[(1, 0, 1), (2, 0, 2)]));
-        db3_bag(&path, &[scan.clone(), scan]);
-        let mut content = fs::read(&path).unwrap();
-        // Half of the time only the pages that hold the schema and the topics.
-        let range = if head { content.len().min(8192) } else { content.len() };
-        for (at, value) in flips {
-            content[at.index(range)] ^= value;
-        }
-        if cutting {
-            content.truncate(cut.index(content.len()));
-        }
-        fs::write(&path, &content).unwrap();
-        drain(&path, 20_000);
-    }
 }

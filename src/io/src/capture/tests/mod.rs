@@ -1,6 +1,7 @@
 //! Whole captures, written by other libraries than the readers use wherever there is one.
 
 mod bags;
+mod damaged_bags;
 mod folders;
 mod merging;
 mod packets;

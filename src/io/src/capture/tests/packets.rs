@@ -92,6 +92,7 @@ fn pcapng_stamps_have_their_interfaces_unit() {
         let expected = lidar(3_000_000_000, "front", &[7; 1206]);
         assert_eq!(records, [expected.clone(), expected.clone(), expected]);
         assert_eq!(summary.unread_link_types, [(189, 1)].into());
+        assert!(summary.data_lost(), "the USB packet may have been a sensor's");
         assert_eq!(summary.kind, CaptureKind::PcapNg);
         // Without its last 100 bytes the file breaks off within the USB packet.
         let (records, summary) = read_bytes(&content[..content.len() - 100]);
@@ -125,6 +126,58 @@ fn a_file_cut_anywhere_gives_its_whole_packets_and_says_where_it_ends() {
         std::fs::write(file.path(), &whole[..length]).unwrap();
         assert!(open_default(file.path()).is_err(), "length {length}");
     }
+}
+
+#[test]
+fn a_pcapng_cut_within_its_header_says_how_long_it_is() {
+    // Type, length, mark, version, section length, length again: 28 bytes, the lowest of each field first.
+    let header = PcapNgWriter::with_endianness(Vec::new(), Endianness::Little).unwrap().into_inner();
+    assert_eq!(header.len(), 28);
+    let refusal = |content: &[u8]| {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), content).unwrap();
+        open_default(file.path()).err().map(|error| error.to_string())
+    };
+    for length in 4..28 {
+        let message = refusal(&header[..length]).unwrap();
+        assert!(message.contains(&format!("ends after {length} bytes, within its header")), "{message}");
+    }
+    assert_eq!(refusal(&header), None);
+    for (at, value, complaint) in [
+        (4, 26, "byte 4: 26 where the length of a section header"),
+        (8, 0x77, "byte 8: "),
+        (12, 9, "byte 12: 9 where version 1"),
+        (24, 32, "byte 4: 28 where the length that the section header is closed with"),
+    ] {
+        let mut wrong = header.clone();
+        wrong[at] = value;
+        let message = refusal(&wrong).unwrap();
+        assert!(message.contains(complaint), "{message}");
+    }
+}
+
+#[test]
+fn a_cause_is_told_once() {
+    let error = open_default(Path::new("/nowhere/drive.pcap")).err().unwrap();
+    let mut told = error.to_string();
+    let mut cause = std::error::Error::source(&error);
+    while let Some(next) = cause {
+        told.push_str(&format!(": {next}"));
+        cause = next.source();
+    }
+    assert_eq!(told.matches("No such file or directory").count(), 1, "{told}");
+}
+
+#[test]
+fn senders_to_a_data_port_are_told_apart() {
+    let first = frame(2368, &[7; 1206]);
+    let mut second = first.clone();
+    second[14 + 15] = 202; // last byte of the source address behind 14 bytes of Ethernet and 12 of IP
+    let position = frame(8308, &[8; 512]);
+    let records = [&first, &second, &first, &position].map(|frame| (1, 0, frame.len(), &frame[..]));
+    let (_, summary) = read_bytes(&usual_pcap(&records));
+    let expected = [(IpAddr::from(ADDRESS), 2), (IpAddr::from([192, 168, 1, 202]), 1)];
+    assert_eq!(summary.data_sources[&SensorId::from("front")], expected.into());
 }
 
 #[test]
