@@ -116,6 +116,9 @@ fn refuse_nothing(decoder: &StreamDecoder, inputs: &Inputs) -> Result<(), Failur
 fn warnings(decoder: &StreamDecoder) -> Vec<String> {
     let mut warnings = Vec::new();
     warnings.extend(decoder.period_mismatch().map(|mismatch| mismatch.to_string()));
+    if let (Some(says), Some(model)) = (decoder.contradiction(), decoder.model()) {
+        warnings.push(format!("the packets say {says}, lidar.model says {model}: decoded as {model}"));
+    }
     for (reason, count) in &decoder.counts().rejected {
         warnings.push(format!("{count} payloads not decoded: {reason}"));
     }
