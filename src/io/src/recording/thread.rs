@@ -10,6 +10,7 @@ use tumbled_model::{Body, Event, LossPoint, RigNs, SensorId};
 use super::error::StopReason;
 use super::layout::payload_bytes;
 use super::recorder::{Recorder, RecorderState, RecordingSummary};
+use crate::live::outlet::{Consumer, Patience, ScanMark};
 
 /// Payload that may wait: 3 s of one LiDAR and one Kinect with a wide margin, far above the longest stall of a
 /// healthy disk (20 ms).
@@ -50,7 +51,7 @@ pub struct RecorderStatus {
 #[derive(Debug)]
 pub struct RecorderThread {
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<RecordingSummary>>,
+    thread: Mutex<Option<JoinHandle<RecordingSummary>>>,
 }
 
 #[derive(Debug)]
@@ -106,7 +107,7 @@ impl RecorderThread {
             let shared = shared.clone();
             move || write_all(recorder, &shared)
         })?;
-        Ok(Self { shared, thread: Some(thread) })
+        Ok(Self { shared, thread: Mutex::new(Some(thread)) })
     }
 
     /// Gives an event without waiting; `false` when the queue is full and it was dropped.
@@ -154,26 +155,34 @@ impl RecorderThread {
         self.shared.lock().status.clone()
     }
 
-    /// Writes everything that waits, ends the recording and tells what became of it.
-    pub fn finish(mut self) -> RecordingSummary {
-        self.close();
-        let thread = self.thread.take().and_then(|thread| thread.join().ok());
-        thread.unwrap_or_else(|| RecordingSummary { stopped: Some(StopReason::Thread), ..RecordingSummary::default() })
+    /// Writes everything that waits, ends the recording and tells what became of it. What is offered later is lost.
+    /// A second call has nothing to tell but that the thread is gone.
+    pub fn finish(&self) -> RecordingSummary {
+        let gone = || RecordingSummary { stopped: Some(StopReason::Thread), ..RecordingSummary::default() };
+        self.join().unwrap_or_else(gone)
     }
 
-    fn close(&self) {
+    fn join(&self) -> Option<RecordingSummary> {
         self.shared.lock().closing = true;
         self.shared.work.notify_one();
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        thread.join().ok()
     }
 }
 
 impl Drop for RecorderThread {
     /// The recording is ended even if nobody waits to hear of it.
     fn drop(&mut self) {
-        self.close();
-        if let Some(thread) = self.thread.take() {
-            thread.join().map(drop).unwrap_or_default();
-        }
+        drop(self.join());
+    }
+}
+
+/// The recorder as an outlet of a live ledger: its own queue is the bound, so none is put in front of it. Keep a clone to
+/// ask for the status and to finish once the ledger has stopped.
+impl Consumer for Arc<RecorderThread> {
+    fn offer(&mut self, event: &Event, _scan: ScanMark, _patience: &Patience) {
+        // What is dropped is counted and posted by the recorder itself.
+        RecorderThread::offer(self, event.clone());
     }
 }
 

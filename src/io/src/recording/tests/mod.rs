@@ -6,6 +6,7 @@ mod failing;
 mod kill;
 mod parts;
 mod queue;
+mod rate;
 mod round_trip;
 
 use super::{Origin, Reader, Recorder, RecorderOptions, RecordingHeader, RecordingInfo, RecordingSummary};

@@ -1,6 +1,7 @@
 //! The recorder's thread: it never makes the daemon wait, and tells what it had to leave out.
 
 use super::*;
+use crate::live::outlet::{Consumer, Patience, ScanMark};
 use crate::recording::{PartFile, RecorderState, RecorderThread, Storage};
 use std::fs::File;
 use std::io::{self, Write};
@@ -131,6 +132,19 @@ fn a_stopped_recorder_lets_everybody_go_on() {
     assert_eq!(refused, 100);
     assert!(matches!(thread.status().state, RecorderState::Stopped { .. }));
     assert!(thread.finish().stopped.is_some());
+}
+
+#[test]
+fn what_a_ledger_hands_its_outlets_is_recorded() {
+    let (_folder, path) = folder();
+    let recorder = Recorder::create(&path, header("s"), RecorderOptions::default()).unwrap();
+    let thread = Arc::new(RecorderThread::start(recorder).unwrap());
+    let mut outlet: Box<dyn Consumer> = Box::new(thread.clone());
+    let events = [tick(0, 0), lidar(1, 1, b"a")];
+    events.iter().for_each(|event| outlet.offer(event, ScanMark::Within, &Patience::default()));
+    assert_eq!(thread.finish().counters.events, 2);
+    assert_eq!(read(&[&path]).0, events);
+    assert!(thread.finish().stopped.is_some(), "there is no second end");
 }
 
 #[test]
