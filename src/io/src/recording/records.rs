@@ -206,7 +206,8 @@ impl<R: Read> Records<R> {
     }
 
     fn open_chunk(&mut self, start: u64, content: &[u8], cut: bool) -> Option<Step> {
-        match unpack(content, cut) {
+        let length = self.offset.saturating_sub(start).saturating_sub(RECORD_HEAD_BYTES as u64);
+        match unpack(content, length, cut) {
             Ok(records) => {
                 self.chunk = Bytes::from(records);
                 self.cut_chunk = cut.then_some(start);
@@ -265,8 +266,9 @@ pub(crate) fn index_channels(path: &Path) -> io::Result<Vec<Vec<u8>>> {
     Ok(channels)
 }
 
-/// The records of a chunk. `cut`: as many as are there, unchecked; else all of them, checked.
-fn unpack(content: &[u8], cut: bool) -> Result<Vec<u8>, String> {
+/// The records of a chunk. `length`: of its content, as its record's head has it. `cut`: as many as are there, unchecked;
+/// else all of them, checked.
+fn unpack(content: &[u8], length: u64, cut: bool) -> Result<Vec<u8>, String> {
     let mut fields = Fields(content);
     let Some(head) = ChunkHead::read(&mut fields) else {
         return Err("a chunk that ends within its header".to_owned());
@@ -276,9 +278,10 @@ fn unpack(content: &[u8], cut: bool) -> Result<Vec<u8>, String> {
         return Err(format!("a chunk claims to unpack to {claim} bytes (at most {MAX_UNPACKED_BYTES} are read)"));
     }
     let packed = fields.0;
-    let packed = packed.get(..usize::try_from(head.packed_bytes).unwrap_or(usize::MAX)).unwrap_or(packed);
-    if !cut && (packed.len() as u64) < head.packed_bytes {
-        return Err(format!("a chunk claims {} bytes of records, but has {}", head.packed_bytes, packed.len()));
+    // A damaged length must not pass for a file that ends early: then nothing would be held against the checksum.
+    let expected = ((content.len() - packed.len()) as u64).saturating_add(head.packed_bytes);
+    if expected != length {
+        return Err(format!("a chunk of {length} bytes says it has {expected}"));
     }
     let mut records = Vec::new();
     let outcome = match head.compression {

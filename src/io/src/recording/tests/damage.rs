@@ -62,6 +62,22 @@ fn a_flipped_bit_costs_its_chunk_and_nothing_else() {
 }
 
 #[test]
+fn a_chunk_whose_length_is_damaged_does_not_pass_for_the_end_of_the_file() {
+    let (_folder, path) = folder();
+    let (events, mut file) = recorded(&path);
+    let payload = noise(40, 21);
+    let at = file.windows(40).position(|window| window == payload).expect("noise is stored as it is");
+    // The last chunk: its compression's name is 4 + 3 bytes, before it size and CRC (12), two times (16), length (8).
+    let name = file[..at].windows(7).rposition(|window| window == b"\x03\0\0\0lz4").expect("a chunk");
+    file[name - 36 + 2] ^= 1; // 2^16 bytes more: beyond the file's end, but no more than a record may have
+    file[at] ^= 1;
+    fs::write(&path, &file).unwrap();
+    let (back, info) = read(&[&path]);
+    assert_eq!(back, events[..10], "what cannot be held against its checksum is not delivered");
+    assert!(info.parts[0].damage[0].detail.contains("says it has"), "{:?}", info.parts[0].damage);
+}
+
+#[test]
 fn damage_in_the_chunk_that_declares_the_channels_costs_that_chunk_alone() {
     let (_folder, path) = folder();
     let (events, mut file) = recorded(&path);
