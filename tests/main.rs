@@ -9,6 +9,7 @@ mod export_losses;
 mod export_outputs;
 mod golden;
 mod info_cli;
+mod record_cli;
 mod recording_cli;
 mod schemas;
 mod support;

@@ -38,6 +38,7 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/diff.schema.json", schema: schema_for!(crate::cli::diff::DiffReport) },
         Published { file: "docs/schema/export.schema.json", schema: schema_for!(crate::cli::export::Report) },
         Published { file: "docs/schema/import.schema.json", schema: schema_for!(crate::cli::import::ImportReport) },
+        Published { file: "docs/schema/record.schema.json", schema: schema_for!(crate::cli::record::RecordReport) },
         Published { file: "docs/schema/recover.schema.json", schema: schema_for!(crate::cli::recover::RecoverReport) },
         Published { file: "docs/schema/info.schema.json", schema: schema_for!(crate::cli::info::report::InfoReport) },
         Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },

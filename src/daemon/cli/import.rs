@@ -107,12 +107,16 @@ pub(super) fn refuse_input_as_output(output: &Path, inputs: &[PathBuf]) -> Resul
 }
 
 pub(super) fn create(path: &Path, header: RecordingHeader, replace: bool) -> Result<Recorder, Failure> {
+    create_with(path, header, RecorderOptions { replace, ..RecorderOptions::default() })
+}
+
+/// Begins a recording; what stands in its way is told with the remedy.
+pub(super) fn create_with(path: &Path, header: RecordingHeader, options: RecorderOptions) -> Result<Recorder, Failure> {
     use tumbled_io::recording::RecorderError;
     if path.is_dir() {
         return Err(Failure::input(format!("{} is a folder, a file is written", path.display()))
             .with_help("give -o a file name"));
     }
-    let options = RecorderOptions { replace, ..RecorderOptions::default() };
     Recorder::create(path, header, options).map_err(|error| match error {
         RecorderError::Exists { path } => {
             Failure::input(format!("{} is there already", path.display())).with_help("give -o another path, or --force")

@@ -17,6 +17,8 @@ pub mod input;
 pub mod ledger;
 pub mod log;
 pub mod output;
+pub mod quantity;
+pub mod record;
 pub mod recover;
 pub mod render;
 
@@ -67,6 +69,8 @@ enum Command {
     Info(info::Args),
     /// Write foreign captures into one recording.
     Import(import::Args),
+    /// Record the sensors' raw streams as they come.
+    Record(record::Args),
     /// Make a finished recording of one that was interrupted or damaged.
     Recover(recover::Args),
     /// Find where two recordings differ.
@@ -85,6 +89,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Export(args) => export::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Import(args) => import::run(&args),
+        Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Config(command) => config::run(command),

@@ -1,0 +1,353 @@
+//! `tumbled record`: the sensors' raw streams to a recording, as they come.
+//!
+//! ```text
+//!   config ─▶ UDP sources (threads rx-…) ─▶ ledger (thread) ─▶ this thread: Recorder, synced every 0.9 s
+//!                 ▲ stop: signal, --duration, or the recorder itself (disk full)
+//! ```
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::Args as ClapArgs;
+use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tumbled_io::live::{
+    Backoff, Device, Ledger, LedgerHandle, Notice, Opener, QueueBound, SessionClock, SourceInfo, StopToken, Supervised,
+    UdpConfig, UdpOpener, supervise,
+};
+use tumbled_io::recording::{Origin, Recorder, RecorderOptions, RecorderState, RecordingHeader, RecordingSummary};
+
+use super::ledger::LedgerReport;
+use super::{ConfigArgs, Failure, Outcome, VERSION, output, quantity};
+use crate::config::{LidarConfig, show};
+
+/// From one sync of the file to the next: a kill then costs at most a second.
+const SYNC_EVERY: Duration = Duration::from_millis(900);
+/// How often the end is looked for while nothing arrives.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// What `record` is asked for.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:\n  tumbled record --config rig.toml -o run.mcap\n  \
+    tumbled record -o run.mcap --duration 60s --rotate 4GiB --keep 10\n\n\
+    Ctrl-C ends the recording cleanly. A kill or a power cut costs at most its last second: `tumbled recover`.\n\
+    Exit code 3: packets were lost on this machine, or the recording stopped by itself; the report says where.")]
+pub struct Args {
+    #[command(flatten)]
+    config: ConfigArgs,
+    /// The recording to write; further parts are FILE-0001.mcap and so on.
+    #[arg(short = 'o', long = "output", value_name = "FILE.mcap")]
+    output: PathBuf,
+    /// End after this time, e.g. 60s, 2m.
+    #[arg(long, value_parser = quantity::duration, value_name = "TIME")]
+    duration: Option<Duration>,
+    /// End when less than this is free on the disk.
+    #[arg(long, value_parser = quantity::size, value_name = "SIZE", default_value = "1GiB")]
+    min_free: u64,
+    /// Begin a new part when this one has so many bytes.
+    #[arg(long, value_parser = quantity::size, value_name = "SIZE", default_value = "4GiB")]
+    rotate: u64,
+    /// Keep only the newest N parts.
+    #[arg(long, value_name = "N")]
+    keep: Option<NonZeroU32>,
+    /// Replace a recording of this name.
+    #[arg(long)]
+    force: bool,
+    /// Report on stdout as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was recorded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "tumbled record --json")]
+pub struct RecordReport {
+    /// The session id.
+    pub session: String,
+    /// Wall time at `t_ns` 0, ns since 1970-01-01 UTC as a decimal string.
+    pub epoch_unix_ns: String,
+    /// The parts on the disk, in order.
+    pub parts: Vec<PathBuf>,
+    /// Bytes of all parts, those that --keep removed included.
+    pub file_bytes: u64,
+    /// What the recording holds.
+    pub ledger: LedgerReport,
+    /// The sources, in the config's order.
+    pub sources: Vec<SourceReport>,
+    /// Why the recording ended before it was told to; null: it did not.
+    pub stopped: Option<String>,
+    /// Nothing was lost on this machine. Otherwise the exit code is 3.
+    pub complete: bool,
+}
+
+/// One source.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SourceReport {
+    /// The sensor.
+    pub sensor: String,
+    /// Packets delivered.
+    pub packets: u64,
+    /// Their payload, bytes.
+    pub bytes: u64,
+    /// Lost in the kernel's socket buffer, as far as it told.
+    pub lost_kernel: u64,
+    /// Lost because the ledger's queue was full.
+    pub lost_queue: u64,
+    /// Datagrams from other addresses than `lidar.source`; not recorded.
+    pub other_source: u64,
+    /// Datagrams larger than any sensor sends; not recorded.
+    pub oversized: u64,
+    /// Why it ended early; null: it did not.
+    pub error: Option<String>,
+}
+
+/// Records until told to stop.
+///
+/// # Errors
+/// Exit code 2: a config without LiDARs, an output that is there. 1: a port that is taken, a file that cannot be written.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    let loaded = args.config.load()?;
+    let config = &loaded.config;
+    if config.lidars.is_empty() {
+        return Err(Failure::input("the config has no LiDAR: there is nothing to record"));
+    }
+    if !config.kinects.is_empty() {
+        tracing::warn!("this build reads no Kinect: its frames are not recorded");
+    }
+    let end = end_signal()?;
+    let clock = SessionClock::start_on_system();
+    let header = header(&clock, &show::text(&loaded.tree, false));
+    let mut recorder = create(args, header.clone())?;
+    let stop = StopToken::new().map_err(Failure::failed)?;
+    let session = Session::start(&config.lidars, &clock, &stop)?;
+    let sources = session.record(args, &mut recorder, &end, &stop);
+    let report = report(&header, sources, recorder.finish());
+    if args.json {
+        output::json(&report)?;
+    } else {
+        output::text(&text(&report))?;
+    }
+    Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Set by the first SIGINT or SIGTERM; a second one ends the process at once.
+fn end_signal() -> Result<Arc<AtomicBool>, Failure> {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let end = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&end))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&end)))
+            .map_err(Failure::failed)?;
+    }
+    Ok(end)
+}
+
+fn header(clock: &SessionClock, config: &str) -> RecordingHeader {
+    let now = clock.now();
+    let unix_at_zero = now.wall - tumbled_model::Span(now.rig.0);
+    RecordingHeader {
+        session: format!("{:x}-{:x}", unix_at_zero.0, std::process::id()),
+        origin: Origin::Live,
+        program: VERSION.to_owned(),
+        unix_at_zero,
+        config: config.to_owned(),
+        ..RecordingHeader::default()
+    }
+}
+
+fn create(args: &Args, header: RecordingHeader) -> Result<Recorder, Failure> {
+    let options = RecorderOptions {
+        rotate_bytes: Some(args.rotate),
+        keep: args.keep,
+        min_free: Some(args.min_free),
+        replace: args.force,
+        ..RecorderOptions::default()
+    };
+    super::import::create_with(&args.output, header, options)
+}
+
+/// The running sources and their ledger.
+struct Session {
+    ledger: LedgerHandle,
+    events: tumbled_io::live::EventReceiver,
+    sources: Vec<(String, Supervised)>,
+}
+
+impl Session {
+    /// Opens every LiDAR before any of them runs: a port that is taken is told at once.
+    fn start(lidars: &[LidarConfig], clock: &SessionClock, stop: &StopToken) -> Result<Self, Failure> {
+        let mut ledger = Ledger::live(clock.clone());
+        let events = ledger.recorder();
+        let mut opened = Vec::new();
+        for lidar in lidars {
+            let intake = ledger.intake(lidar.id.clone(), QueueBound::LIDAR_PACKETS);
+            let mut opener = UdpOpener::new(udp(lidar), clock.clone());
+            let source = opener.open().map_err(Failure::failed)?;
+            opened.push((opener, source, intake));
+        }
+        let ledger = ledger.start().map_err(Failure::failed)?;
+        let mut sources = Vec::new();
+        for (opener, source, intake) in opened {
+            let sensor = opener.sensor().to_string();
+            let (clock, stop) = (clock.clone(), stop.clone());
+            let running =
+                supervise(Box::new(opener), Some(source), intake, clock, stop, Backoff::default(), notice(&sensor))
+                    .map_err(Failure::failed)?;
+            sources.push((sensor, running));
+        }
+        Ok(Self { ledger, events, sources })
+    }
+
+    /// Writes what comes until the end, then what still waits.
+    fn record(self, args: &Args, recorder: &mut Recorder, end: &AtomicBool, stop: &StopToken) -> Vec<SourceReport> {
+        let progress = progress();
+        let started = Instant::now();
+        let mut synced = started;
+        let mut write = |recorder: &mut Recorder| {
+            if let Some(event) = self.events.recv_timeout(LOOK_EVERY) {
+                recorder.write(&event);
+            }
+            if synced.elapsed() >= SYNC_EVERY {
+                recorder.sync();
+                synced = Instant::now();
+                let summary = recorder.summary();
+                progress.set_message(format!("{} events, {}", summary.counters.events, HumanBytes(summary.file_bytes)));
+            }
+        };
+        let is_over = |recorder: &Recorder| {
+            end.load(Ordering::Relaxed)
+                || args.duration.is_some_and(|duration| started.elapsed() >= duration)
+                || matches!(recorder.state(), RecorderState::Stopped { .. })
+        };
+        while !is_over(recorder) {
+            write(recorder);
+        }
+        // Sources first, then the ledger, so that everything they accepted is in it.
+        stop.stop();
+        let reports = self.sources.into_iter().map(|(sensor, source)| source_report(sensor, source)).collect();
+        let ledger = self.ledger.stop();
+        while !self.events.is_finished() {
+            write(recorder);
+        }
+        progress.finish_and_clear();
+        if ledger.undelivered > 0 {
+            tracing::error!(packets = ledger.undelivered, "packets did not reach the recording in time at the stop");
+        }
+        reports
+    }
+}
+
+fn udp(lidar: &LidarConfig) -> UdpConfig {
+    UdpConfig {
+        port: lidar.port,
+        position_port: Some(lidar.position_port),
+        source: lidar.source,
+        ..UdpConfig::new(lidar.id.clone())
+    }
+}
+
+/// Tells the log what happens to a source.
+fn notice(sensor: &str) -> impl FnMut(Notice) + Send + 'static {
+    let sensor = sensor.to_owned();
+    move |notice| match notice {
+        Notice::Opened(info) => opened(&sensor, &info),
+        Notice::Failed { error, retry_in } => {
+            tracing::warn!(%sensor, retry_in_ms = retry_in.as_millis() as u64, "{error}");
+        }
+        _ => {}
+    }
+}
+
+fn opened(sensor: &str, info: &SourceInfo) {
+    match &info.device {
+        Device::Udp(udp) => {
+            let position = udp.position.map_or_else(|| "none".to_owned(), |address| address.to_string());
+            tracing::info!(%sensor, data = %udp.data, %position, "recording");
+        }
+        _ => tracing::info!(%sensor, "recording"),
+    }
+    for warning in &info.warnings {
+        tracing::warn!(%sensor, "{warning}");
+    }
+}
+
+fn progress() -> ProgressBar {
+    let style = ProgressStyle::with_template("{spinner} {elapsed_precise} {msg}  (Ctrl-C ends)");
+    let bar = ProgressBar::new_spinner().with_style(style.unwrap_or_else(|_error| ProgressStyle::default_spinner()));
+    bar.enable_steady_tick(Duration::from_millis(250)); // draws on a terminal only
+    bar
+}
+
+fn source_report(sensor: String, source: Supervised) -> SourceReport {
+    let ended = source.join();
+    let counts = ended.summary;
+    SourceReport {
+        sensor,
+        packets: counts.delivered,
+        bytes: counts.bytes,
+        lost_kernel: counts.lost_kernel,
+        lost_queue: counts.lost_queue,
+        other_source: counts.other_source,
+        oversized: counts.oversized,
+        error: ended.error.map(|error| error.to_string()),
+    }
+}
+
+fn report(header: &RecordingHeader, sources: Vec<SourceReport>, summary: RecordingSummary) -> RecordReport {
+    let lost_here = summary.counters.lost_total() + summary.lost_at_stop + summary.after_stop + summary.unrecordable;
+    let failed = sources.iter().any(|source| source.error.is_some());
+    RecordReport {
+        session: header.session.clone(),
+        epoch_unix_ns: header.unix_at_zero.0.to_string(),
+        file_bytes: summary.file_bytes,
+        ledger: (&summary.counters).into(),
+        stopped: summary.stopped.as_ref().map(ToString::to_string),
+        complete: lost_here == 0 && summary.stopped.is_none() && !failed,
+        parts: summary.parts,
+        sources,
+    }
+}
+
+fn text(report: &RecordReport) -> String {
+    let mut text = String::new();
+    for source in &report.sources {
+        text.push_str(&format!("{}: {} packets, {}", source.sensor, source.packets, HumanBytes(source.bytes)));
+        let mut lost = |n: u64, what: &str| {
+            if n > 0 {
+                text.push_str(&format!(", {n} {what}"));
+            }
+        };
+        lost(source.lost_kernel, "lost in the kernel's buffer");
+        lost(source.lost_queue, "lost in the queue");
+        lost(source.other_source, "from other addresses left out");
+        lost(source.oversized, "too large left out");
+        text.push('\n');
+        if source.packets == 0 {
+            text.push_str("  nothing came: is this machine the sensor's destination, and no firewall between?\n");
+        }
+        if let Some(error) = &source.error {
+            text.push_str(&format!("  ended early: {error}\n"));
+        }
+    }
+    for loss in &report.ledger.lost {
+        text.push_str(&format!("lost: {} of {} ({})\n", loss.count, loss.sensor, loss.place));
+    }
+    if let Some(reason) = &report.stopped {
+        text.push_str(&format!("the recording stopped by itself: {reason}\n"));
+    }
+    let parts: Vec<String> = report.parts.iter().map(|part| part.display().to_string()).collect();
+    let verdict = if report.complete { "complete" } else { "not complete" };
+    text.push_str(&format!(
+        "{} events, {} -> {} ({verdict})\n",
+        report.ledger.events,
+        HumanBytes(report.file_bytes),
+        parts.join(", ")
+    ));
+    text
+}

@@ -1,0 +1,171 @@
+//! `tumbled record` on real UDP over loopback.
+
+use std::io::{BufRead, BufReader, Read};
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use tumbled::cli::record::RecordReport;
+use tumbled_velodyne::{Model, ReturnMode};
+
+use crate::support::{Workbench, repository};
+use crate::synth::Sensor;
+
+/// A running `tumbled record` and the ports it chose.
+struct Recording {
+    child: Child,
+    log: BufReader<std::process::ChildStderr>,
+    data: SocketAddr,
+    position: SocketAddr,
+}
+
+impl Recording {
+    fn start(bench: &Workbench, more: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tumbled"));
+        command.args(["record", "-o"]).arg(bench.path("run.mcap")).args(["--json", "--min-free", "0"]);
+        command.args(["--set", "lidar.port=0", "--set", "lidar.position_port=0"]).args(more);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+        let mut log = BufReader::new(child.stderr.take().expect("piped"));
+        let mut line = String::new();
+        while !line.contains("data=") {
+            line.clear();
+            assert!(log.read_line(&mut line).expect("a log") > 0, "it ended before it recorded");
+        }
+        let port = |key: &str| {
+            let value = line.split_whitespace().find_map(|word| word.strip_prefix(key)).expect("an address");
+            let address: SocketAddr = value.parse().expect("an address");
+            SocketAddr::from((Ipv4Addr::LOCALHOST, address.port()))
+        };
+        let (data, position) = (port("data="), port("position="));
+        Self { child, log, data, position }
+    }
+
+    fn signal(&self, name: &str) {
+        let status = Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status().expect("kill");
+        assert!(status.success());
+    }
+
+    /// Waits for the end: exit code, report, log.
+    fn finish(mut self) -> (Option<i32>, String, String) {
+        let (mut report, mut log) = (String::new(), String::new());
+        self.child.stdout.take().expect("piped").read_to_string(&mut report).expect("a report");
+        self.log.read_to_string(&mut log).expect("a log");
+        (self.child.wait().expect("ends").code(), report, log)
+    }
+}
+
+/// Sends payloads with a little air between them: four times the rig's rate.
+fn send(payloads: &[Vec<u8>], to: SocketAddr) {
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    for payload in payloads {
+        socket.send_to(payload, to).expect("sends");
+        std::thread::sleep(Duration::from_micros(150));
+    }
+}
+
+fn packets(n: usize) -> Vec<Vec<u8>> {
+    let sensor = Sensor::new(Model::Vlp32c, ReturnMode::Strongest);
+    sensor.packets(n, |slot, _| (500 + slot as u16, 500)).into_iter().map(|packet| packet.bytes.to_vec()).collect()
+}
+
+#[test]
+fn what_is_sent_is_recorded_and_decodes_to_the_same_points() {
+    let bench = Workbench::new();
+    let recording = Recording::start(&bench, &[]);
+    let sent = packets(600);
+    send(&sent, recording.data);
+    send(&[vec![0; 512], vec![0; 512]], recording.position);
+    std::thread::sleep(Duration::from_millis(200)); // sent is not yet received
+    recording.signal("INT");
+    let (code, report, log) = recording.finish();
+    assert_eq!(code, Some(0), "{report}\n{log}");
+    let report: RecordReport = serde_json::from_str(&report).expect("a report");
+    assert!(report.complete && report.stopped.is_none());
+    assert_eq!((report.sources[0].packets, report.sources[0].lost_kernel), (602, 0));
+
+    // The same packets as a capture file, made by hand, and the recording give the same points.
+    let datagrams: Vec<_> = sent
+        .iter()
+        .enumerate()
+        .map(|(k, payload)| crate::support::pcap::Datagram {
+            t_ns: k as i64 * 663_552,
+            port: 2368,
+            payload: payload.clone(),
+        })
+        .collect();
+    bench.file("same.pcap", crate::support::pcap::write_pcap(&datagrams));
+    for (input, output) in [("run.mcap", "a.pts"), ("same.pcap", "b.pts")] {
+        let done = bench.run(&["export", input, "--what", "lidar-points", "--format", "pts", "-o", output]);
+        assert_eq!(done.code, 0, "{}", done.stderr);
+    }
+    let read = |name: &str| std::fs::read(bench.path(name)).expect("points");
+    assert_eq!(read("a.pts").len(), 600 * 384 * 24);
+    assert!(read("a.pts") == read("b.pts"));
+}
+
+#[test]
+fn a_duration_ends_it_and_a_silent_sensor_is_told() {
+    let bench = Workbench::new();
+    let recording = Recording::start(&bench, &["--duration", "300ms"]);
+    let (code, report, _) = recording.finish();
+    let report: RecordReport = serde_json::from_str(&report).expect("a report");
+    assert_eq!((code, report.sources[0].packets, report.complete), (Some(0), 0, true));
+    // Ticks and an anchor at least: the session itself is recorded.
+    assert!(report.ledger.events > 0);
+}
+
+#[test]
+fn a_kill_costs_at_most_the_last_second() {
+    let bench = Workbench::new();
+    let recording = Recording::start(&bench, &[]);
+    let sent = packets(1_500);
+    send(&sent, recording.data);
+    // Synced every 0.9 s: after 1.2 s everything sent before is on the disk.
+    std::thread::sleep(Duration::from_millis(1_200));
+    send(&packets(100), recording.data);
+    recording.signal("KILL");
+    recording.finish();
+    let done = bench.run(&["recover", "run.mcap", "-o", "whole.mcap", "--json"]);
+    assert!(done.code == 0 || done.code == 3, "{}", done.stderr);
+    let done = bench.run(&["export", "whole.mcap", "--what", "lidar-points", "--format", "pts", "-o", "p.pts"]);
+    assert!(done.code == 0 || done.code == 3, "{}", done.stderr);
+    let bytes = std::fs::metadata(bench.path("p.pts")).expect("points").len();
+    assert!(bytes >= 1_500 * 384 * 24, "{bytes} bytes of points");
+}
+
+#[test]
+fn a_port_that_is_taken_is_named() {
+    let bench = Workbench::new();
+    let taken = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).expect("a socket");
+    let port = taken.local_addr().expect("bound").port();
+    let done = bench.run(&[
+        "record",
+        "-o",
+        "run.mcap",
+        "--set",
+        &format!("lidar.port={port}"),
+        "--set",
+        "lidar.position_port=0",
+    ]);
+    assert_eq!(done.code, 1);
+    assert!(done.stderr.contains(&port.to_string()), "{}", done.stderr);
+}
+
+#[test]
+fn an_existing_recording_is_not_replaced() {
+    let bench = Workbench::new();
+    bench.file("run.mcap", "precious");
+    let done = bench.run(&[
+        "record",
+        "-o",
+        "run.mcap",
+        "--duration",
+        "100ms",
+        "--set",
+        "lidar.port=0",
+        "--set",
+        "lidar.position_port=0",
+    ]);
+    assert_eq!((done.code, bench.read("run.mcap").as_str()), (2, "precious"));
+    assert!(repository().join("docs/schema/record.schema.json").is_file());
+}
