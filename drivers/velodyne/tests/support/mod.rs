@@ -1,6 +1,7 @@
 //! Reading the real captures and the expected points beside them, for tests only.
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+pub(crate) mod streams;
 pub(crate) mod synth;
 
 use std::path::PathBuf;
