@@ -171,12 +171,14 @@ fn emit(beams: &BeamTable, firing: &Firing, directions: &Directions, slots: &Slo
     for (slot, raw) in (0u8..).zip(&slots.raw) {
         hits.add(slot, ret, *raw != 0);
     }
-    points.x.extend(hits.slots().map(|slot| at(&slots.x, slot)));
-    points.y.extend(hits.slots().map(|slot| at(&slots.y, slot)));
-    points.z.extend(hits.slots().map(|slot| at(&slots.z, slot)));
-    points.range_m.extend(hits.slots().map(|slot| at(&slots.range_m, slot)));
-    points.intensity.extend(hits.slots().map(|slot| at(&slots.intensity, slot)));
-    emit_beams(beams, firing, directions, &hits, points);
+    let hits = hits.codes();
+    points.x.extend(hits.iter().map(|&code| at(&slots.x, code)));
+    points.y.extend(hits.iter().map(|&code| at(&slots.y, code)));
+    points.z.extend(hits.iter().map(|&code| at(&slots.z, code)));
+    points.range_m.extend(hits.iter().map(|&code| at(&slots.range_m, code)));
+    points.intensity.extend(hits.iter().map(|&code| at(&slots.intensity, code)));
+    points.ret.extend(core::iter::repeat_n(ret, hits.len()));
+    emit_beams(beams, firing, directions, hits, points);
 }
 
 /// Appends the slots of a dual-return pair: the last return, then the other one; one point where they are the same.
@@ -198,60 +200,67 @@ fn emit_dual(
         hits.add(slot, if same { Return::Both } else { Return::Last }, *last != 0);
         hits.add(slot, Return::Strongest, !same && *strongest != 0);
     }
-    let of = |ret| if ret == Return::Last { last } else { strongest };
-    points.x.extend(hits.iter().map(|(slot, ret)| at(&of(ret).x, slot)));
-    points.y.extend(hits.iter().map(|(slot, ret)| at(&of(ret).y, slot)));
-    points.z.extend(hits.iter().map(|(slot, ret)| at(&of(ret).z, slot)));
-    points.range_m.extend(hits.iter().map(|(slot, ret)| at(&of(ret).range_m, slot)));
-    points.intensity.extend(hits.iter().map(|(slot, ret)| at(&of(ret).intensity, slot)));
-    emit_beams(beams, firing, directions, &hits, points);
+    let hits = hits.codes();
+    let of = |code| if Hits::ret(code) == Return::Last { last } else { strongest };
+    points.x.extend(hits.iter().map(|&code| at(&of(code).x, code)));
+    points.y.extend(hits.iter().map(|&code| at(&of(code).y, code)));
+    points.z.extend(hits.iter().map(|&code| at(&of(code).z, code)));
+    points.range_m.extend(hits.iter().map(|&code| at(&of(code).range_m, code)));
+    points.intensity.extend(hits.iter().map(|&code| at(&of(code).intensity, code)));
+    points.ret.extend(hits.iter().map(|&code| Hits::ret(code)));
+    emit_beams(beams, firing, directions, hits, points);
 }
 
 /// Appends what depends on the slot alone and not on the distance.
 #[inline]
-fn emit_beams(beams: &BeamTable, firing: &Firing, directions: &Directions, hits: &Hits, points: &mut Points) {
-    points.azimuth_rad.extend(hits.slots().map(|slot| at(&directions.azimuth_rad, slot)));
-    points.dt_ns.extend(hits.slots().map(|slot| firing.start_ns + at(&beams.dt_ns, slot)));
-    points.laser.extend(hits.slots().map(|slot| at(&beams.laser, slot)));
-    points.ring.extend(hits.slots().map(|slot| at(&beams.ring, slot)));
-    points.column.extend(hits.slots().map(|slot| firing.column + at(&beams.column, slot)));
-    points.ret.extend(hits.iter().map(|(_, ret)| ret));
+fn emit_beams(beams: &BeamTable, firing: &Firing, directions: &Directions, hits: &[u8], points: &mut Points) {
+    points.azimuth_rad.extend(hits.iter().map(|&code| at(&directions.azimuth_rad, code)));
+    points.dt_ns.extend(hits.iter().map(|&code| firing.start_ns + at(&beams.dt_ns, code)));
+    points.laser.extend(hits.iter().map(|&code| at(&beams.laser, code)));
+    points.ring.extend(hits.iter().map(|&code| at(&beams.ring, code)));
+    points.column.extend(hits.iter().map(|&code| firing.column + at(&beams.column, code)));
 }
 
-/// The slots of a firing that have a return, in order: at most two returns a slot.
+/// The slots of a firing that have a return, in order: at most two returns a slot. A code is the slot in its low five
+/// bits, as [`at`] takes it, and the return above.
 struct Hits {
-    entries: [(u8, Return); 2 * SLOTS],
+    codes: [u8; 2 * SLOTS],
     len: usize,
 }
 
 impl Default for Hits {
     fn default() -> Self {
-        Self { entries: [(0, Return::Strongest); 2 * SLOTS], len: 0 }
+        Self { codes: [0; 2 * SLOTS], len: 0 }
     }
 }
 
 impl Hits {
-    /// Writes the entry always and keeps it only if it is a hit: no branch on the data.
+    /// Writes the code always and keeps it only if it is a hit: no branch on the data.
     #[inline]
     fn add(&mut self, slot: u8, ret: Return, hit: bool) {
-        if let Some(place) = self.entries.get_mut(self.len) {
-            *place = (slot, ret);
+        if let Some(place) = self.codes.get_mut(self.len) {
+            *place = slot | (ret as u8) << 5;
         }
         self.len += usize::from(hit);
     }
 
     #[inline]
-    fn iter(&self) -> impl ExactSizeIterator<Item = (u8, Return)> + '_ {
-        self.entries.get(..self.len).unwrap_or_default().iter().copied()
+    fn codes(&self) -> &[u8] {
+        self.codes.get(..self.len).unwrap_or_default()
     }
 
     #[inline]
-    fn slots(&self) -> impl ExactSizeIterator<Item = u8> + '_ {
-        self.iter().map(|(slot, _)| slot)
+    fn ret(code: u8) -> Return {
+        match code >> 5 {
+            3 => Return::Both,
+            2 => Return::Last,
+            _ => Return::Strongest,
+        }
     }
 }
 
-/// The entry of a slot. The remainder keeps the index inside the array without a check.
+/// The entry of a slot, or of a hit's code: the low five bits. The remainder keeps the index inside the array without a
+/// check.
 #[allow(clippy::indexing_slicing, reason = "the index is taken modulo the array's length")]
 #[inline]
 fn at<T: Copy>(column: &[T; SLOTS], slot: u8) -> T {
