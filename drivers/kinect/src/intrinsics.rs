@@ -191,12 +191,9 @@ impl Intrinsics {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
+impl Intrinsics {
     /// A published calibration of a Kinect's infrared camera (Burrus), strong in all five terms.
-    const INFRARED: Intrinsics = Intrinsics {
+    pub(crate) const INFRARED: Self = Self {
         fx: 594.214,
         fy: 591.041,
         cx: 339.308,
@@ -207,6 +204,12 @@ mod tests {
         p2: 0.00504,
         k3: -1.30536,
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn distortion_by_hand() {
@@ -232,9 +235,9 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_distortion() {
         let (x, y, h) = (0.31, -0.22, 1e-6);
-        let analytic = INFRARED.jacobian(x, y);
-        let (right, left) = (INFRARED.distort(x + h, y), INFRARED.distort(x - h, y));
-        let (down, up) = (INFRARED.distort(x, y + h), INFRARED.distort(x, y - h));
+        let analytic = Intrinsics::INFRARED.jacobian(x, y);
+        let (right, left) = (Intrinsics::INFRARED.distort(x + h, y), Intrinsics::INFRARED.distort(x - h, y));
+        let (down, up) = (Intrinsics::INFRARED.distort(x, y + h), Intrinsics::INFRARED.distort(x, y - h));
         let central = [[right.0 - left.0, down.0 - up.0], [right.1 - left.1, down.1 - up.1]];
         for (a, c) in analytic.iter().flatten().zip(central.iter().flatten()) {
             assert!((a - c / (2.0 * h)).abs() < 1e-8, "{analytic:?}");
@@ -260,15 +263,15 @@ mod tests {
         assert_eq!(flat.check(), Err(IntrinsicsError::FocalLength { name: "fy", found: 0.0 }));
         let infinite = Intrinsics { k3: f64::INFINITY, ..Intrinsics::default() };
         assert_eq!(infinite.check(), Err(IntrinsicsError::NotFinite { name: "k3", found: f64::INFINITY }));
-        assert_eq!(INFRARED.check(), Ok(()));
+        assert_eq!(Intrinsics::INFRARED.check(), Ok(()));
     }
 
     proptest! {
         #[test]
         fn the_published_infrared_calibration_inverts_over_the_whole_image(u in 0.0f64..639.0, v in 0.0f64..479.0) {
-            let ray = INFRARED.ray(u, v);
+            let ray = Intrinsics::INFRARED.ray(u, v);
             prop_assert!(ray.converged, "{:?}", ray);
-            let (u_again, v_again) = INFRARED.pixel(ray.x, ray.y);
+            let (u_again, v_again) = Intrinsics::INFRARED.pixel(ray.x, ray.y);
             prop_assert!((u - u_again).abs() < 2e-9 && (v - v_again).abs() < 2e-9);
         }
 

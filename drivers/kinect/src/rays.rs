@@ -88,18 +88,7 @@ mod tests {
 
     #[test]
     fn a_strong_calibration_is_inverted_to_the_last_pixel() {
-        let infrared = Intrinsics {
-            fx: 594.214,
-            fy: 591.041,
-            cx: 339.308,
-            cy: 242.739,
-            k1: -0.26386,
-            k2: 0.99967,
-            p1: -0.00076,
-            p2: 0.00504,
-            k3: -1.30536,
-        };
-        let report = RayTable::new(&infrared).expect("a camera").report();
+        let report = RayTable::new(&Intrinsics::INFRARED).expect("a camera").report();
         assert_eq!(report.pixels_without_ray, 0);
         assert!(report.worst_residual_px <= 1e-9 && (1..=10).contains(&report.most_rounds), "{report:?}");
     }

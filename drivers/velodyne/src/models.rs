@@ -164,7 +164,7 @@ impl core::fmt::Display for Product {
         match self {
             Self::Supported(model) => f.write_str(model.name()),
             Self::Unsupported(name) => f.write_str(name),
-            Self::Unknown(byte) => write!(f, "unknown ({byte:#04x})"),
+            Self::Unknown(byte) => write!(f, "product byte {byte:#04x}"),
         }
     }
 }

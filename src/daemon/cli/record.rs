@@ -19,14 +19,13 @@ use tumbled_io::live::{
     Backoff, Device, Ledger, LedgerHandle, Notice, Opener, QueueBound, SessionClock, SourceInfo, StopToken, Supervised,
     UdpConfig, UdpOpener, supervise,
 };
+use tumbled_io::recording::thread::SYNC_EVERY;
 use tumbled_io::recording::{Origin, Recorder, RecorderOptions, RecorderState, RecordingHeader, RecordingSummary};
 
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, VERSION, output, quantity};
 use crate::config::{LidarConfig, show};
 
-/// From one sync of the file to the next: a kill then costs at most a second.
-const SYNC_EVERY: Duration = Duration::from_millis(900);
 /// How often the end is looked for while nothing arrives.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 

@@ -270,7 +270,7 @@ impl StreamDecoder {
         turning: &Turning,
         out: &mut Decoded,
     ) -> Order {
-        let by_angle = self.tracker.pending_pause_ns();
+        let by_angle = self.waiting.and_then(|_| self.tracker.pending_pause_ns());
         let observation = self.tracker.observe(packet.stamp(), arrival.arrived, period_ns, turning);
         if observation.order == Order::Reset {
             self.clock.invalidate();

@@ -56,15 +56,7 @@ fn model_source(forced: Option<Model>, model: Model) -> ModelSource {
 }
 
 fn claim(product: Product, packets: u64) -> Claim {
-    Claim { product: name(product), packets }
-}
-
-fn name(product: Product) -> String {
-    match product {
-        Product::Supported(model) => model.name().to_owned(),
-        Product::Unsupported(name) => name.to_owned(),
-        Product::Unknown(byte) => format!("product byte {byte:#04x}"),
-    }
+    Claim { product: product.to_string(), packets }
 }
 
 /// By the sensor's stamps, or by the host's where it has none.
@@ -149,7 +141,7 @@ fn warnings(watch: &LidarWatch) -> Vec<String> {
     if let Some(forced) = watch.forced {
         for (product, packets) in &watch.claims {
             if !matches!(product, Product::Supported(model) if *model == forced) {
-                let claimed = name(*product);
+                let claimed = product.to_string();
                 let old_vlp16 = (*product, forced) == (Product::Supported(Model::Hdl32e), Model::Vlp16);
                 let known = if old_vlp16 && decoder.period_mismatch().is_none() {
                     " (a VLP-16 with firmware before 3.0.29 says so)"
