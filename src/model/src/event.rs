@@ -111,6 +111,13 @@ pub enum Body {
     },
     /// A tenth of a second has passed: the only passage of time without data.
     Tick,
+    /// An operator's order to the core.
+    Command(Command),
+    /// The rig as it is from here on: a config that was changed while the session ran.
+    Config {
+        /// The effective config, TOML, calibration applied: what the recording's header holds for the start.
+        toml: Arc<str>,
+    },
     /// Something that a sensor sent and that was lost on the way.
     Gap {
         /// Whose data.
@@ -133,9 +140,26 @@ impl Body {
             | Self::SensorState { sensor, .. }
             | Self::Skip { sensor, .. }
             | Self::Gap { sensor, .. } => Some(sensor),
-            Self::Anchor { .. } | Self::Tick => None,
+            Self::Anchor { .. } | Self::Tick | Self::Command(_) | Self::Config { .. } => None,
         }
     }
+}
+
+/// What an operator may order the core to do. Texts are at most [`Command::TEXT_BYTES`] long: whoever takes the order cuts
+/// or refuses.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Command {
+    /// Remember this instant under a name; nothing else changes.
+    Marker {
+        /// What the operator wrote.
+        text: Arc<str>,
+    },
+}
+
+impl Command {
+    /// The longest text an order carries, bytes of UTF-8.
+    pub const TEXT_BYTES: usize = 1_024;
 }
 
 /// What a source is doing.

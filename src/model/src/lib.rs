@@ -18,6 +18,6 @@ pub mod nmea;
 pub mod time;
 
 pub use civil::{CivilTime, resolve_hour};
-pub use event::{Body, DepthEncoding, Event, LossPoint, PacketMask, SensorId, SourceState};
+pub use event::{Body, Command, DepthEncoding, Event, LossPoint, PacketMask, SensorId, SourceState};
 pub use frames::{Frame, Iso, Kinect, Lidar, Point, Rig, Stage, Target, UnitQuaternionError};
 pub use time::{KinectTicks, LidarTime, RigNs, Span, UnixNs};
