@@ -1,5 +1,6 @@
 //! What payloads turn into, and what becomes of those that do not.
 
+use crate::heads::Heads;
 use crate::models::{Model, ReturnMode};
 use crate::points::Points;
 use crate::position::PositionPacket;
@@ -61,6 +62,8 @@ pub struct PacketInfo {
     pub azimuth_jump: bool,
     /// How long the sensor was silent at the jump, ns; included in the later points' times.
     pub pause_ns: i64,
+    /// Where the head stood at each firing group, and when: groups without a return included.
+    pub heads: Heads,
     /// Its place in the stream, with what is missing before it.
     pub order: Order,
 }

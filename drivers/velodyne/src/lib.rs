@@ -10,7 +10,7 @@
 //! * [`wire`]: the 1 206 bytes; [`models`]: what is built into each sensor; [`beams`]: the same, slot by slot;
 //! * [`detect`]: the model by product byte, checked by the packet period;
 //! * [`azimuth`]: turn per block, wrap, the jump of a limited field of view; [`decode`]: slots to points;
-//! * [`track`]: loss, order, pauses, speed; [`position`] and [`clock`]: what the sensor knows of UTC;
+//! * [`heads`]: where the head stood during a packet; [`track`]: loss, order, pauses, speed; [`position`] and [`clock`]: what the sensor knows of UTC;
 //! * [`hdl64`]: the HDL-64E, its calibrations and generations;
 //! * [`encode`]: packets from values, for tests and the simulator.
 //!
@@ -41,6 +41,7 @@ mod decoded;
 pub mod detect;
 pub mod encode;
 pub mod hdl64;
+pub mod heads;
 pub mod models;
 pub mod points;
 pub mod position;

@@ -63,6 +63,11 @@ macro_rules! columns {
                 })*
             }
 
+            /// Appends the points of `range` of other columns; indices past their end give nothing.
+            pub fn extend_from_range(&mut self, other: &Self, range: Range<usize>) {
+                $(self.$name.extend_from_slice(other.$name.get(range.start..range.end.min(other.$name.len())).unwrap_or_default());)*
+            }
+
             /// Cuts every column to `len` points.
             pub fn truncate(&mut self, len: usize) {
                 $(self.$name.truncate(len);)*

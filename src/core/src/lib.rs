@@ -1,12 +1,48 @@
 //! What happens between raw events and results: pure functions over values, no clock, file, socket or thread.
 //!
-//! * [`clock`]: device stamps to the session's timeline, the wall clock and UTC beside it.
+//! ```text
+//!   Event ─▶ pipeline ─▶ lidar:  decode ─ clock ─ reorder ─ assemble ─┐
+//!               │        kinect: decode ─ clock ──────────────────────┴▶ align ─▶ epochs
+//!               └──────▶ beat: states, health, notices
+//! ```
+//!
+//! * [`pipeline`]: one event in, what follows out; start here;
+//! * [`config`]: what the core has to know of the rig;
+//! * [`clock`]: device stamps to the session's timeline, the wall clock and UTC beside it;
+//! * [`sector`], [`boundary`]: the region of interest as a LiDAR's head sweeps over it, and where a scan begins;
+//! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
+//! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
+mod align;
+mod assemble;
+mod beat;
+pub mod boundary;
+mod channel;
 pub mod clock;
+pub mod config;
+pub mod epoch;
+pub mod health;
+mod kinect;
+mod lidar;
+pub mod notice;
+pub mod pipeline;
+mod place;
+mod reasons;
+mod reorder;
+pub mod sector;
+mod vitals;
+pub mod workers;
 
+pub use boundary::ScanBoundaries;
 pub use clock::{
     ClockCounts, ClockMode, ClockParameters, ClockReport, ClockState, DeviceClock, DeviceClockKind, Mapped, Pushed,
     ResetCounts, UtcMap, UtcReading, WallClock,
 };
+pub use config::{CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing};
+pub use epoch::{Epoch, KinectScan, LidarScan, RigCloud, Scan, TimeBasis};
+pub use health::{CoreHealth, Level, SensorHealth};
+pub use notice::{Gravity, Notice, NoticeKind};
+pub use pipeline::{Outputs, Pipeline};
+pub use workers::Workers;

@@ -3,6 +3,7 @@
 use super::{Arrival, Decoded, Held, PacketInfo, Rejection, StreamDecoder};
 use crate::azimuth::Turning;
 use crate::hdl64::{Hdl64Decoder, Hdl64Packet};
+use crate::heads::{GroupTimes, Heads};
 use crate::models::ReturnMode;
 use crate::track::Order;
 use crate::wire::{BLOCKS, DataPacket};
@@ -77,6 +78,10 @@ impl StreamDecoder {
             }
         }
         let mode = if read.dual { ReturnMode::Dual } else { ReturnMode::Strongest };
+        // An S1's times count from the packet's end.
+        let shift_ns = if read.stamped { 0 } else { -read.period_ns };
+        let columns = mode.blocks_per_firing() as u8;
+        let times = GroupTimes { period_ns: i64::from(read.period_ns), shift_ns, pause_ns, columns };
         self.keep_in_range(start, &mut out.points);
         out.packets.push(PacketInfo {
             index: held.arrival.index,
@@ -87,6 +92,7 @@ impl StreamDecoder {
             azimuth_cdeg: (read.azimuth_first_cdeg, read.azimuth_last_cdeg),
             azimuth_jump: read.azimuth_jump,
             pause_ns,
+            heads: Heads::new(&held.turning, times),
             order: held.order,
         });
         self.counts.data_packets += 1;

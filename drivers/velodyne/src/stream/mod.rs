@@ -13,6 +13,7 @@ use crate::decode::{Timing, decode_packet};
 pub use crate::decoded::{Decoded, PacketInfo, Rejection, StreamCounts};
 use crate::detect::{PeriodCheck, PeriodMismatch, claimed_product, packet_period_ns};
 use crate::hdl64::{Hdl64Decoder, Hdl64Packet};
+use crate::heads::{GroupTimes, Heads};
 use crate::models::{Model, Product, ReturnMode};
 use crate::points::Points;
 use crate::position::PositionPacket;
@@ -99,13 +100,16 @@ impl StreamDecoder {
 
     /// Takes one UDP payload of the sensor's data or position port and appends what it holds to `out`.
     ///
-    /// A packet with an azimuth jump appears with the packet after it, or with [`Self::finish`].
-    pub fn push(&mut self, payload: &[u8], arrived: RigNs, out: &mut Decoded) {
+    /// A packet with an azimuth jump appears with the packet after it, or with [`Self::finish`]. Gives the reason, which
+    /// is counted, when the payload could not be read.
+    pub fn push(&mut self, payload: &[u8], arrived: RigNs, out: &mut Decoded) -> Option<Rejection> {
         if payload.len() == POSITION_LEN {
             self.push_position(payload, out);
-        } else if let Err(rejection) = self.push_data(payload, arrived, out) {
-            self.count_rejection(rejection);
+            return None;
         }
+        let rejection = self.push_data(payload, arrived, out).err()?;
+        self.count_rejection(rejection);
+        Some(rejection)
     }
 
     /// Gives out the packet still held back, its pause estimated from the jump's width.
@@ -349,8 +353,14 @@ impl StreamDecoder {
             azimuth_cdeg: (held.turning.first_cdeg(), held.turning.last_cdeg()),
             azimuth_jump: !held.turning.jumps.is_empty(),
             pause_ns,
+            heads: self.heads(&held, shift_ns, pause_ns),
             order: held.order,
         });
+    }
+
+    fn heads(&self, held: &Held, shift_ns: i32, pause_ns: i64) -> Heads {
+        let period_ns = self.model.and_then(|model| packet_period_ns(model, held.mode)).unwrap_or_default();
+        Heads::new(&held.turning, GroupTimes { period_ns, shift_ns, pause_ns, columns: 1 })
     }
 
     fn keep_in_range(&mut self, start: usize, points: &mut Points) {

@@ -1,0 +1,245 @@
+//! The rig's sensors, each with its way through the core. Kinects come first: of equal times theirs are.
+
+use crate::config::CoreConfig;
+use crate::epoch::{Epoch, RigCloud, Scan};
+use crate::health::{LossHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
+use crate::kinect::{Frame, KinectChannel};
+use crate::lidar::{LidarChannel, Remark};
+use crate::vitals::Vitals;
+use crate::workers::Workers;
+use std::collections::BTreeMap;
+use tumbled_model::{Body, Event, RigNs, SensorId, Span};
+
+/// A sensor's way through the core.
+#[derive(Debug)]
+enum Channel {
+    Kinect(Box<KinectChannel>),
+    Lidar(Box<LidarChannel>),
+    Serial(Vitals),
+}
+
+/// All sensors of the config, numbered in the order of ties.
+#[derive(Debug)]
+pub(crate) struct Channels {
+    ids: Vec<SensorId>,
+    channels: Vec<Channel>,
+    /// By sensor: the newest whole second it has stepped over, in beats.
+    seconds: Vec<i64>,
+}
+
+impl Channels {
+    pub(crate) fn new(config: &CoreConfig) -> Self {
+        let kinects = config
+            .kinects
+            .iter()
+            .map(|setup| (setup.id.clone(), Channel::Kinect(Box::new(KinectChannel::new(setup, config)))));
+        let lidars = config
+            .lidars
+            .iter()
+            .map(|setup| (setup.id.clone(), Channel::Lidar(Box::new(LidarChannel::new(setup, config)))));
+        let serials = config.serials.iter().map(|id| (id.clone(), Channel::Serial(Vitals::default())));
+        let (ids, channels): (Vec<_>, Vec<_>) = kinects.chain(lidars).chain(serials).unzip();
+        let seconds = vec![0; ids.len()];
+        Self { ids, channels, seconds }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.channels.len()
+    }
+
+    pub(crate) fn find(&self, id: &SensorId) -> Option<usize> {
+        self.ids.iter().position(|other| other == id)
+    }
+
+    /// The name of a sensor that [`Self::find`] found.
+    pub(crate) fn id(&self, channel: usize) -> &SensorId {
+        self.ids.get(channel).expect("channels are numbered by these")
+    }
+
+    pub(crate) fn configure(&mut self, config: &CoreConfig) {
+        for (id, channel) in self.ids.iter().zip(&mut self.channels) {
+            match channel {
+                Channel::Kinect(kinect) => {
+                    let setup = config.kinects.iter().find(|setup| setup.id == *id);
+                    setup.into_iter().for_each(|setup| kinect.configure(setup, config));
+                }
+                Channel::Lidar(lidar) => {
+                    let setup = config.lidars.iter().find(|setup| setup.id == *id);
+                    setup.into_iter().for_each(|setup| lidar.configure(setup, config));
+                }
+                Channel::Serial(_) => {}
+            }
+        }
+    }
+
+    /// Lets a sensor have its event.
+    pub(crate) fn take(
+        &mut self,
+        channel: usize,
+        event: &Event,
+        begins_scan: bool,
+        config: &CoreConfig,
+        spare: &mut Vec<RigCloud>,
+        workers: &Workers,
+    ) {
+        let Some(channel) = self.channels.get_mut(channel) else { return };
+        match (&event.body, channel) {
+            (Body::LidarPacket { bytes, .. }, Channel::Lidar(lidar)) => lidar.packet(bytes, event.arrived, begins_scan),
+            (Body::DepthFrame { ticks, encoding, lost_packets, bytes, .. }, Channel::Kinect(kinect)) => {
+                let frame = Frame { ticks: *ticks, encoding: *encoding, lost: lost_packets, bytes };
+                kinect.frame(frame, event.arrived, spare, workers);
+            }
+            (Body::SerialChunk { bytes, .. }, Channel::Serial(vitals)) => vitals.datum(event.arrived, bytes.len()),
+            (Body::SensorState { state, .. }, channel) => channel.vitals_mut().source(*state),
+            (Body::Gap { lost, place, .. }, Channel::Lidar(lidar)) => lidar.gap(*place, *lost),
+            (Body::Gap { lost, place, .. }, channel) => channel.vitals_mut().gap(*place, *lost),
+            (Body::Skip { scans, .. }, Channel::Lidar(lidar)) if !config.ignore_skips => lidar.shedding.skip(*scans),
+            (Body::Skip { scans, .. }, Channel::Kinect(kinect)) if !config.ignore_skips => kinect.shedding.skip(*scans),
+            _ => {}
+        }
+    }
+
+    /// Gives out the epochs that are complete.
+    pub(crate) fn epochs(
+        &mut self,
+        channel: usize,
+        spare: &mut Vec<RigCloud>,
+        workers: &Workers,
+        give: impl FnMut(Epoch),
+    ) {
+        match self.channels.get_mut(channel) {
+            Some(Channel::Kinect(kinect)) => kinect.epochs().for_each(give),
+            Some(Channel::Lidar(lidar)) => lidar.epochs(spare, workers, give),
+            _ => {}
+        }
+    }
+
+    pub(crate) fn watermark(&self, channel: usize) -> Option<RigNs> {
+        match self.channels.get(channel)? {
+            Channel::Kinect(kinect) => kinect.watermark(),
+            Channel::Lidar(lidar) => lidar.watermark(),
+            Channel::Serial(_) => None,
+        }
+    }
+
+    /// Whether others wait for this sensor at `t`. A serial device gives no epochs.
+    pub(crate) fn may_come(&self, channel: usize, t: RigNs, silent_after: Span) -> bool {
+        match self.channels.get(channel) {
+            Some(Channel::Serial(_)) | None => false,
+            Some(channel) => channel.vitals().may_come(t, silent_after),
+        }
+    }
+
+    /// Ends what a silence up to `t` has ended.
+    pub(crate) fn silence(&mut self, channel: usize, t: RigNs) {
+        if let Some(Channel::Lidar(lidar)) = self.channels.get_mut(channel) {
+            lidar.silence(t);
+        }
+    }
+
+    /// Gives out what is held back: nothing more comes.
+    pub(crate) fn finish(&mut self, channel: usize) {
+        if let Some(Channel::Lidar(lidar)) = self.channels.get_mut(channel) {
+            lidar.finish();
+        }
+    }
+
+    pub(crate) fn recycle(&mut self, channel: usize, scan: Scan) {
+        match (self.channels.get_mut(channel), scan) {
+            (Some(Channel::Kinect(kinect)), Scan::Kinect(scan)) => kinect.recycle(scan),
+            (Some(Channel::Lidar(lidar)), Scan::Lidar(scan)) => lidar.recycle(*scan),
+            _ => {}
+        }
+    }
+
+    pub(crate) fn remarks(&mut self, channel: usize) -> Vec<Remark> {
+        match self.channels.get_mut(channel) {
+            Some(Channel::Kinect(kinect)) => kinect.remarks().collect(),
+            Some(Channel::Lidar(lidar)) => lidar.remarks().collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    pub(crate) fn shed_scans(&self, channel: usize) -> u64 {
+        match self.channels.get(channel) {
+            Some(Channel::Kinect(kinect)) => kinect.shedding.scans(),
+            Some(Channel::Lidar(lidar)) => lidar.shedding.scans(),
+            _ => 0,
+        }
+    }
+
+    /// Notes that a whole second (in beats) is behind a sensor; false when that was noted before.
+    pub(crate) fn begin_second(&mut self, channel: usize, second: i64) -> bool {
+        let Some(newest) = self.seconds.get_mut(channel) else { return false };
+        if second <= *newest {
+            return false;
+        }
+        let seconds = (second - core::mem::replace(newest, second)) / crate::beat::BEATS_PER_SECOND;
+        match self.channels.get_mut(channel) {
+            Some(Channel::Kinect(kinect)) => kinect.seconds(seconds),
+            Some(Channel::Lidar(lidar)) => lidar.seconds(seconds),
+            Some(Channel::Serial(vitals)) => vitals.seconds(seconds),
+            None => {}
+        }
+        true
+    }
+
+    pub(crate) fn state(&self, channel: usize, t: RigNs) -> SensorState {
+        match self.channels.get(channel) {
+            Some(Channel::Kinect(kinect)) => kinect.state(t),
+            Some(Channel::Lidar(lidar)) => lidar.state(t),
+            Some(Channel::Serial(vitals)) => vitals.state(t),
+            None => SensorState::Absent,
+        }
+    }
+
+    /// A sensor's health at `t`, given everything it was fed.
+    pub(crate) fn health(&self, channel: usize, t: RigNs) -> SensorHealth {
+        match self.channels.get(channel) {
+            Some(Channel::Kinect(kinect)) => kinect.health(t),
+            Some(Channel::Lidar(lidar)) => lidar.health(t),
+            Some(Channel::Serial(vitals)) => serial_health(self.id(channel), vitals, t),
+            None => serial_health(&SensorId::from(""), &Vitals::default(), t),
+        }
+    }
+}
+
+impl Channel {
+    fn vitals(&self) -> &Vitals {
+        match self {
+            Self::Kinect(kinect) => &kinect.vitals,
+            Self::Lidar(lidar) => &lidar.vitals,
+            Self::Serial(vitals) => vitals,
+        }
+    }
+
+    fn vitals_mut(&mut self) -> &mut Vitals {
+        match self {
+            Self::Kinect(kinect) => &mut kinect.vitals,
+            Self::Lidar(lidar) => &mut lidar.vitals,
+            Self::Serial(vitals) => vitals,
+        }
+    }
+}
+
+fn serial_health(id: &SensorId, vitals: &Vitals, t: RigNs) -> SensorHealth {
+    let lost = vitals.lost;
+    SensorHealth {
+        id: id.to_string(),
+        kind: SensorKind::Serial,
+        state: vitals.state(t),
+        received: vitals.received,
+        bytes: vitals.bytes,
+        rate_hz: vitals.rate_hz(),
+        age_ns: age_ns(t, vitals.newest),
+        lost: LossHealth { total: lost.kernel + lost.queue + lost.usb + lost.recorder + lost.capture, ..lost },
+        malformed: BTreeMap::new(),
+        duplicates: 0,
+        reordered: 0,
+        points: PointHealth::default(),
+        epochs: crate::health::EpochHealth::default(),
+        clock: None,
+        lidar: None,
+        kinect: None,
+    }
+}

@@ -1,0 +1,78 @@
+//! What the core has to know of the rig, typed and checked: the shell makes it from the config and its files.
+
+use crate::clock::ClockMode;
+use tumbled_kinect::{BackProjector, DepthTable};
+use tumbled_model::{Iso, Kinect, Lidar, Point, Rig, SensorId, Span};
+use tumbled_velodyne::stream::Settings;
+
+/// A rig as the core sees it. Sensor ids are unique over all sensors.
+#[derive(Clone, Debug)]
+pub struct CoreConfig {
+    /// The LiDARs.
+    pub lidars: Vec<LidarSetup>,
+    /// The Kinects.
+    pub kinects: Vec<KinectSetup>,
+    /// What hangs on serial ports.
+    pub serials: Vec<SensorId>,
+    /// Where the target is looked for.
+    pub roi: RegionOfInterest,
+    /// How sensors are put on one timeline.
+    pub timing: Timing,
+    /// Whether scans shed by a live session are used all the same: for the best result offline.
+    pub ignore_skips: bool,
+}
+
+/// One LiDAR.
+#[derive(Clone, Debug)]
+pub struct LidarSetup {
+    /// Its name.
+    pub id: SensorId,
+    /// How its packets are read.
+    pub decoder: Settings,
+    /// Mounting.
+    pub t_rig_lidar: Iso<Rig, Lidar>,
+    /// How late its stamps are: measurement time = mapped stamp − offset.
+    pub time_offset: Span,
+}
+
+/// One Kinect.
+#[derive(Clone, Debug)]
+pub struct KinectSetup {
+    /// Its name.
+    pub id: SensorId,
+    /// Its depth law.
+    pub table: DepthTable,
+    /// Its rays and noise.
+    pub projector: BackProjector,
+    /// Mounting.
+    pub t_rig_kinect: Iso<Rig, Kinect>,
+    /// How late its stamps are: measurement time = mapped stamp − offset.
+    pub time_offset: Span,
+}
+
+/// A sphere in which the target is looked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RegionOfInterest {
+    /// Its centre.
+    pub center: Point<Rig>,
+    /// Its radius, m, above 0.
+    pub radius_m: f64,
+}
+
+/// How sensors are put on one timeline.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// How device stamps become times.
+    pub clock: ClockMode,
+    /// How long an epoch waits for an earlier one of another sensor.
+    pub hold: Span,
+    /// A sensor without data for longer is not waited for.
+    pub silent_after: Span,
+}
+
+impl Default for Timing {
+    /// The hull clock; 150 ms, above the delay of any sensor here; 2 s.
+    fn default() -> Self {
+        Self { clock: ClockMode::Hull, hold: Span(150_000_000), silent_after: Span(2_000_000_000) }
+    }
+}

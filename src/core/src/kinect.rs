@@ -1,0 +1,231 @@
+//! One Kinect: frames to epochs on the session's timeline.
+//!
+//! ```text
+//!   frame ─ FrozenDetector ─ DeviceClock ─▶ time
+//!       └── depth law ─▶ metres ─ BackProjector ─▶ points ─ Placement ─▶ epoch
+//! ```
+
+use crate::boundary::Shedding;
+use crate::clock::{DeviceClock, DeviceClockKind, Pushed};
+use crate::config::{CoreConfig, KinectSetup};
+use crate::epoch::{Epoch, KinectScan, RigCloud, Scan, TimeBasis};
+use crate::health::{
+    EpochHealth, KinectHealth, LossHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns,
+};
+use crate::lidar::Remark;
+use crate::notice::{Gravity, NoticeKind};
+use crate::place::Placement;
+use crate::vitals::Vitals;
+use crate::workers::Workers;
+use bytes::Bytes;
+use std::collections::BTreeMap;
+use tumbled_kinect::{BackProjector, DecodeCounts, DepthImage, DepthTable, Freshness, FrozenDetector, decode_metres};
+use tumbled_model::{DepthEncoding, KinectTicks, PacketMask, RigNs, SensorId, Span};
+
+/// A depth frame as the ledger has it.
+#[derive(Clone, Copy)]
+pub(crate) struct Frame<'a> {
+    pub(crate) ticks: Option<KinectTicks>,
+    pub(crate) encoding: DepthEncoding,
+    pub(crate) lost: &'a PacketMask,
+    pub(crate) bytes: &'a Bytes,
+}
+
+/// One Kinect's way through the core.
+#[derive(Debug)]
+pub(crate) struct KinectChannel {
+    id: SensorId,
+    pub(crate) vitals: Vitals,
+    pub(crate) shedding: Shedding,
+    table: DepthTable,
+    projector: BackProjector,
+    placement: Placement,
+    time_offset: Span,
+    clock: DeviceClock,
+    clock_began: bool,
+    frozen: FrozenDetector,
+    is_frozen: bool,
+    counts: DecodeCounts,
+    depth: DepthImage,
+    ready: Vec<Epoch>,
+    spare: Vec<KinectScan>,
+    newest: Option<RigNs>,
+    points: PointHealth,
+    kinect: KinectHealth,
+    reordered: u64,
+    refused_before: u64,
+    remarks: Vec<Remark>,
+}
+
+impl KinectChannel {
+    pub(crate) fn new(setup: &KinectSetup, config: &CoreConfig) -> Self {
+        Self {
+            id: setup.id.clone(),
+            vitals: Vitals::default(),
+            shedding: Shedding::default(),
+            table: setup.table.clone(),
+            projector: setup.projector.clone(),
+            placement: Placement::new(&setup.t_rig_kinect, &config.roi),
+            time_offset: setup.time_offset,
+            clock: DeviceClock::new(DeviceClockKind::Kinect, config.timing.clock),
+            clock_began: false,
+            frozen: FrozenDetector::default(),
+            is_frozen: false,
+            counts: DecodeCounts::default(),
+            depth: DepthImage::new(),
+            ready: Vec::new(),
+            spare: Vec::new(),
+            newest: None,
+            points: PointHealth::default(),
+            kinect: KinectHealth::default(),
+            reordered: 0,
+            refused_before: 0,
+            remarks: Vec::new(),
+        }
+    }
+
+    /// Takes over what of a changed config can change in a session.
+    pub(crate) fn configure(&mut self, setup: &KinectSetup, config: &CoreConfig) {
+        self.projector = setup.projector.clone();
+        self.placement = Placement::new(&setup.t_rig_kinect, &config.roi);
+        self.time_offset = setup.time_offset;
+    }
+
+    /// Takes one frame.
+    pub(crate) fn frame(&mut self, frame: Frame<'_>, arrived: RigNs, spare: &mut Vec<RigCloud>, workers: &Workers) {
+        self.vitals.datum(arrived, frame.bytes.len());
+        if self.shedding.covers(true) || self.repeats(frame) {
+            return;
+        }
+        let Some((t, sigma, basis)) = self.time(frame.ticks, arrived) else { return };
+        if self.newest.is_some_and(|newest| t < newest) {
+            self.reordered += 1;
+            return;
+        }
+        let outcome = decode_metres(frame.encoding, frame.bytes, frame.lost, &self.table, &mut self.depth);
+        self.counts.add(&outcome);
+        let loss = match outcome {
+            Ok(loss) => loss,
+            Err(error) => return self.notice_refusal(&error.to_string()),
+        };
+        let mut scan = self.spare.pop().unwrap_or_default();
+        scan.loss = loss;
+        self.projector.points(&self.depth, &mut scan.points);
+        let mut rig = spare.pop().unwrap_or_default();
+        self.placement.apply([scan.points.x(), scan.points.y(), scan.points.z()], &mut rig, workers);
+        self.points.decoded += scan.points.len() as u64;
+        self.points.in_epochs += scan.points.len() as u64;
+        self.kinect.points_in_roi = rig.points_in_roi() as u64;
+        self.newest = Some(t);
+        let sensor = self.id.clone();
+        let scan = Scan::Kinect(scan);
+        self.ready.push(Epoch { number: 0, sensor, t, span: (t, t), sigma, basis, arrived, scan, rig });
+    }
+
+    /// No later epoch will have an earlier time.
+    pub(crate) fn watermark(&self) -> Option<RigNs> {
+        self.newest
+    }
+
+    /// The frames since the last call, as epochs.
+    pub(crate) fn epochs(&mut self) -> std::vec::Drain<'_, Epoch> {
+        self.ready.drain(..)
+    }
+
+    /// Buffers of an epoch that is no longer needed.
+    pub(crate) fn recycle(&mut self, scan: KinectScan) {
+        if self.spare.len() < 4 {
+            self.spare.push(scan);
+        }
+    }
+
+    /// What happened since the last call.
+    pub(crate) fn remarks(&mut self) -> std::vec::Drain<'_, Remark> {
+        self.remarks.drain(..)
+    }
+
+    /// So many seconds are over since the last call.
+    pub(crate) fn seconds(&mut self, seconds: i64) {
+        self.vitals.seconds(seconds);
+        self.refused_before = self.counts.refused();
+    }
+
+    /// What it was doing at `t`.
+    pub(crate) fn state(&self, t: RigNs) -> SensorState {
+        match self.vitals.state(t) {
+            SensorState::Live if self.is_frozen => SensorState::Fault,
+            state => state,
+        }
+    }
+
+    /// Its health at `t`, given everything that arrived before.
+    pub(crate) fn health(&self, t: RigNs) -> SensorHealth {
+        let lost = self.vitals.lost;
+        let total = lost.kernel + lost.queue + lost.usb + lost.recorder + lost.capture;
+        let counts = [
+            ("packed 11-bit frame of another length", self.counts.wrong_length_packed11),
+            ("raw 11-bit frame of another length", self.counts.wrong_length_raw11),
+            ("frame in mm of another length", self.counts.wrong_length_mm16),
+        ];
+        let malformed = counts.into_iter().filter(|(_, n)| *n > 0).map(|(name, n)| (name.to_owned(), n));
+        let timed = self.clock_began;
+        SensorHealth {
+            id: self.id.to_string(),
+            kind: SensorKind::Kinect,
+            state: self.state(t),
+            received: self.vitals.received,
+            bytes: self.vitals.bytes,
+            rate_hz: self.vitals.rate_hz(),
+            age_ns: age_ns(t, self.vitals.newest),
+            lost: LossHealth { total, ..lost },
+            malformed: malformed.collect::<BTreeMap<_, _>>(),
+            duplicates: self.kinect.repeated,
+            reordered: self.reordered,
+            points: self.points,
+            epochs: EpochHealth { shed_scans: self.shedding.scans(), ..EpochHealth::default() },
+            clock: timed.then(|| self.clock.report(t).into()),
+            lidar: None,
+            kinect: Some(KinectHealth {
+                frames_with_loss: self.counts.frames_with_loss,
+                lost_pixels: self.counts.lost_pixels,
+                ..self.kinect
+            }),
+        }
+    }
+
+    /// Whether the frame is the one before it once more.
+    fn repeats(&mut self, frame: Frame<'_>) -> bool {
+        let freshness = self.frozen.observe(frame.ticks, frame.encoding, frame.bytes);
+        let repeats = matches!(freshness, Freshness::Repeated { .. } | Freshness::Frozen { .. });
+        self.is_frozen = matches!(freshness, Freshness::Frozen { .. });
+        self.kinect.repeated += u64::from(repeats);
+        self.kinect.repeated_in_a_row = if repeats { self.kinect.repeated_in_a_row + 1 } else { 0 };
+        repeats
+    }
+
+    /// The time of a frame; `None`: it cannot be told.
+    fn time(&mut self, ticks: Option<KinectTicks>, arrived: RigNs) -> Option<(RigNs, Span, TimeBasis)> {
+        let Some(ticks) = ticks else {
+            let sigma = DeviceClockKind::Kinect.parameters().arrival_sigma_ns;
+            return Some((arrived - self.time_offset, Span(sigma), TimeBasis::Arrival));
+        };
+        let pushed = self.clock.push(ticks.0, arrived);
+        if pushed == Pushed::NewEpoch && core::mem::replace(&mut self.clock_began, true) {
+            let message = format!("the clock of {} began anew: its times are being found again", self.id);
+            self.remarks.push((NoticeKind::ClockReset, Gravity::Warn, message));
+        }
+        if pushed == Pushed::Doubtful {
+            return None;
+        }
+        let mapped = self.clock.map(ticks.0)?;
+        Some((mapped.t - self.time_offset, mapped.sigma, TimeBasis::Device(mapped.state)))
+    }
+
+    /// Tells of the first frame in a second that could not be read.
+    fn notice_refusal(&mut self, error: &str) {
+        if self.counts.refused() == self.refused_before + 1 {
+            let message = format!("{}: a frame could not be read: {error}", self.id);
+            self.remarks.push((NoticeKind::Malformed, Gravity::Warn, message));
+        }
+    }
+}

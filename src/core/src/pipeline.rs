@@ -1,0 +1,291 @@
+//! The core: one event in, what follows from it out.
+//!
+//! ```text
+//!   Event ─┬─ LidarPacket ─▶ LidarChannel ──┐
+//!          ├─ DepthFrame ──▶ KinectChannel ─┼─ epochs ─▶ Aligner ─▶ Outputs::epochs
+//!          ├─ Tick ────────▶ Beat ──────────┴─ states, health ────▶ Outputs::{notices, health}
+//!          └─ Anchor, Command, Config
+//! ```
+
+use crate::align::Aligner;
+use crate::beat::{self, Beat, Pulse};
+use crate::boundary::ScanBoundaries;
+use crate::channel::Channels;
+use crate::clock::WallClock;
+use crate::config::CoreConfig;
+use crate::epoch::{Epoch, RigCloud};
+use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
+use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
+use crate::reasons;
+use crate::workers::Workers;
+use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
+
+/// What the core gives out. Kept by the caller and cleared between steps: its buffers are used again.
+#[derive(Debug, Default)]
+pub struct Outputs {
+    /// Epochs, in their order.
+    pub epochs: Vec<Epoch>,
+    /// Things that happened, in the order of their times.
+    pub notices: Vec<Notice>,
+    /// Health, once a second of the session's time.
+    pub health: Vec<CoreHealth>,
+    /// Epochs that are no longer needed.
+    done: Vec<Epoch>,
+}
+
+impl Outputs {
+    /// Forgets what was given out; its memory goes back to the core at the next step.
+    pub fn clear(&mut self) {
+        self.done.append(&mut self.epochs);
+        self.notices.clear();
+        self.health.clear();
+    }
+}
+
+/// Session-wide notices come behind those of the sensors of the same time.
+const SESSION: usize = usize::MAX;
+
+/// All state of the core. The same events give the same outputs to the bit, whatever the machine and its threads; events
+/// of different sensors may also lie among each other as they like, as long as none is more than 0.2 s out of order.
+#[derive(Debug)]
+pub struct Pipeline {
+    config: CoreConfig,
+    channels: Channels,
+    boundaries: ScanBoundaries,
+    aligner: Aligner,
+    beat: Beat,
+    states: Vec<SensorState>,
+    judge: Judge,
+    notices: Waiting,
+    wall: WallClock,
+    workers: Workers,
+    spare: Vec<RigCloud>,
+    unknown: Vec<SensorId>,
+    /// The newest arrival: the time of what happens to the session as a whole.
+    now: RigNs,
+}
+
+impl Pipeline {
+    /// A core that has seen nothing yet.
+    pub fn new(config: CoreConfig, workers: Workers) -> Self {
+        let channels = Channels::new(&config);
+        let sensors = channels.len();
+        Self {
+            boundaries: ScanBoundaries::new(&config),
+            aligner: Aligner::new(sensors, config.timing.hold),
+            beat: Beat::new(sensors),
+            states: vec![SensorState::Absent; sensors],
+            judge: Judge::default(),
+            notices: Waiting::default(),
+            wall: WallClock::new(),
+            workers,
+            spare: Vec::new(),
+            unknown: Vec::new(),
+            now: RigNs(0),
+            channels,
+            config,
+        }
+    }
+
+    /// Takes over a changed config: mountings, offsets, region of interest, timing. Sensors are neither added nor taken
+    /// away, and none changes its model: these need a new session.
+    pub fn configure(&mut self, config: CoreConfig) {
+        self.channels.configure(&config);
+        self.boundaries = ScanBoundaries::new(&config);
+        self.aligner.set_hold(config.timing.hold);
+        self.config = config;
+        self.note_session(NoticeKind::Configured, Gravity::Info, "the config was changed".to_owned());
+    }
+
+    /// Consumes one event and appends what it produced. Never blocks, never fails: bad input becomes a count.
+    pub fn step(&mut self, event: &Event, out: &mut Outputs) {
+        self.reclaim(out);
+        self.now = self.now.max(event.arrived);
+        let begins_scan = self.boundaries.begins(&event.body);
+        if let Some(sensor) = event.body.sensor() {
+            match self.channels.find(sensor) {
+                Some(channel) => self.feed(channel, event, begins_scan),
+                None => self.note_unknown(sensor, event.arrived),
+            }
+        }
+        match &event.body {
+            Body::Anchor { unix } => self.anchor(event.arrived, *unix),
+            Body::Tick => self.tick(event.arrived, out),
+            Body::Command(Command::Marker { text }) => {
+                self.note(SESSION, event.arrived, NoticeKind::Marker, Gravity::Info, format!("marker: {text}"));
+            }
+            _ => {}
+        }
+        self.aligner.release(&mut out.epochs, &mut out.done);
+    }
+
+    /// The ledger has ended: gives out what was waiting for more.
+    pub fn finish(&mut self, out: &mut Outputs) {
+        self.reclaim(out);
+        for channel in 0..self.channels.len() {
+            self.channels.finish(channel);
+            self.collect(channel);
+        }
+        self.aligner.finish(&mut out.epochs, &mut out.done);
+        self.notices.release(RigNs(i64::MAX), &mut out.notices);
+    }
+
+    /// Wall time at `t`, by the ledger's anchors.
+    pub fn wall(&self) -> &WallClock {
+        &self.wall
+    }
+
+    /// The counts and states of every sensor as of everything seen so far, not waiting for anything.
+    pub fn sensors(&self) -> Vec<SensorHealth> {
+        let at = RigNs(self.now.0 + 1);
+        (0..self.channels.len()).map(|channel| self.channels.health(channel, at)).collect()
+    }
+
+    /// Lets a sensor's channel have its event, and passes its epochs on.
+    fn feed(&mut self, channel: usize, event: &Event, begins_scan: bool) {
+        if let Some(instant) = self.beat.steps_over(channel, event.arrived) {
+            self.keep_pulse(channel, instant);
+        }
+        let before = self.channels.shed_scans(channel);
+        self.channels.take(channel, event, begins_scan, &self.config, &mut self.spare, &self.workers);
+        if self.channels.shed_scans(channel) > before && before == 0 {
+            let message = format!(
+                "{}: this machine cannot keep up and sheds whole scans; they are recorded all the same",
+                self.channels.id(channel)
+            );
+            self.note(channel, event.arrived, NoticeKind::Shedding, Gravity::Warn, message);
+        }
+        for (kind, gravity, message) in self.channels.remarks(channel) {
+            let sensor = Some(self.channels.id(channel).clone());
+            self.notices.push(channel, Notice { t: event.arrived, sensor, gravity, kind, message });
+        }
+        self.collect(channel);
+    }
+
+    /// Hands a channel's epochs and its watermark to the aligner.
+    fn collect(&mut self, channel: usize) {
+        let (channels, aligner) = (&mut self.channels, &mut self.aligner);
+        channels.epochs(channel, &mut self.spare, &self.workers, |epoch| aligner.offer(channel, epoch));
+        aligner.pass(channel, channels.watermark(channel));
+    }
+
+    fn anchor(&mut self, arrived: RigNs, unix: tumbled_model::UnixNs) {
+        if let Some(Span(step)) = self.wall.anchor(arrived, unix) {
+            let seconds = step as f64 * 1e-9;
+            let message = format!(
+                "the host's wall clock was set by {seconds:+.6} s: measurement times do not change, wall times do from here on"
+            );
+            self.note(SESSION, arrived, NoticeKind::WallStep, Gravity::Warn, message);
+        }
+    }
+
+    /// Judges every instant that this tick lets be judged.
+    fn tick(&mut self, arrived: RigNs, out: &mut Outputs) {
+        self.aligner.tick(arrived);
+        while let Some(instant) = self.beat.due(arrived) {
+            let t = beat::time(instant);
+            let mut healths = Vec::new();
+            for channel in 0..self.channels.len() {
+                let pulse = match self.beat.take(channel, instant) {
+                    Some(kept) => kept,
+                    None => self.pulse_now(channel, instant),
+                };
+                self.judge_state(channel, t, &pulse);
+                if beat::is_second(instant) {
+                    healths.push(pulse.health.map_or_else(|| self.channels.health(channel, t), |health| *health));
+                }
+            }
+            self.notices.release(t, &mut out.notices);
+            if beat::is_second(instant) && instant > 0 {
+                out.health.push(self.health(t, healths));
+            }
+        }
+    }
+
+    /// A sensor's pulse at an instant that its events have not stepped over yet.
+    fn pulse_now(&mut self, channel: usize, instant: i64) -> Pulse {
+        self.channels.silence(channel, beat::time(instant));
+        self.collect(channel);
+        self.pulse(channel, instant)
+    }
+
+    fn keep_pulse(&mut self, channel: usize, instant: i64) {
+        let pulse = self.pulse(channel, instant);
+        self.beat.keep(channel, instant, pulse);
+    }
+
+    /// A sensor as it is, at an instant: at whole seconds, or when its events step over one, with its health.
+    fn pulse(&mut self, channel: usize, instant: i64) -> Pulse {
+        let t = beat::time(instant);
+        let second = beat::second_before(instant);
+        let begins = self.channels.begin_second(channel, second);
+        let health = begins.then(|| Box::new(self.channels.health(channel, beat::time(second))));
+        Pulse {
+            state: self.channels.state(channel, t),
+            may_come: self.channels.may_come(channel, t, self.config.timing.silent_after),
+            health,
+        }
+    }
+
+    fn judge_state(&mut self, channel: usize, t: RigNs, pulse: &Pulse) {
+        self.aligner.set_silent(channel, !pulse.may_come, t);
+        let Some(state) = self.states.get_mut(channel) else { return };
+        let before = core::mem::replace(state, pulse.state);
+        if before != pulse.state {
+            let id = self.channels.id(channel).clone();
+            let message = format!("{id} is {} (was {})", pulse.state.name(), before.name());
+            // It shows at the instant, and instants are released up to their own time.
+            self.note(channel, RigNs(t.0 - 1), NoticeKind::SensorState, pulse.state.gravity(), message);
+        }
+    }
+
+    fn health(&mut self, t: RigNs, mut sensors: Vec<SensorHealth>) -> CoreHealth {
+        for (channel, sensor) in sensors.iter_mut().enumerate() {
+            let counts = self.aligner.counts_before(t - Span(1_000_000_000), channel);
+            sensor.epochs = EpochHealth {
+                given_out: counts.epochs,
+                late: counts.late,
+                joining: counts.joining,
+                points_left_out: counts.points_left_out,
+                shed_scans: sensor.epochs.shed_scans,
+            };
+        }
+        let reasons = self.judge.judge(reasons::observe(&sensors));
+        let wall = WallHealth {
+            unix_ns: self.wall.unix(t).map(|unix| unix.0.to_string()),
+            steps: self.wall.steps(),
+            last_step_ns: self.wall.last_step().map(|step| step.0),
+        };
+        CoreHealth { t_ns: t.0, level: worst(&reasons), reasons, sensors, wall }
+    }
+
+    /// Takes the buffers of epochs that the caller is done with.
+    fn reclaim(&mut self, out: &mut Outputs) {
+        for epoch in out.done.drain(..) {
+            let Epoch { sensor, scan, rig, .. } = epoch;
+            if self.spare.len() < 8 {
+                self.spare.push(rig);
+            }
+            if let Some(channel) = self.channels.find(&sensor) {
+                self.channels.recycle(channel, scan);
+            }
+        }
+    }
+
+    fn note_unknown(&mut self, sensor: &SensorId, arrived: RigNs) {
+        if !self.unknown.contains(sensor) && self.unknown.len() < 16 {
+            self.unknown.push(sensor.clone());
+            let message = format!("there are data of {sensor}, which the config does not have: they are not used");
+            self.note(SESSION, arrived, NoticeKind::UnknownSensor, Gravity::Warn, message);
+        }
+    }
+
+    fn note_session(&mut self, kind: NoticeKind, gravity: Gravity, message: String) {
+        self.note(SESSION, self.now, kind, gravity, message);
+    }
+
+    fn note(&mut self, source: usize, t: RigNs, kind: NoticeKind, gravity: Gravity, message: String) {
+        let sensor = (source < self.channels.len()).then(|| self.channels.id(source).clone());
+        self.notices.push(source, Notice { t, sensor, gravity, kind, message });
+    }
+}

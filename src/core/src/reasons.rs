@@ -1,0 +1,100 @@
+//! From what is observed of the sensors to what a person should know and do.
+
+use crate::clock::ClockState;
+use crate::health::{Level, Reason, SensorHealth, SensorKind, SensorState};
+
+/// So small a share of packets may be lost without a word.
+const LOSS_SHARE: f64 = 0.001;
+/// A turn that sweeps less of the region of interest is worth a word.
+const LEAST_COVERAGE: f64 = 0.9;
+
+/// Everything that is not as it should be in this second.
+pub(crate) fn observe(sensors: &[SensorHealth]) -> Vec<Reason> {
+    let mut reasons = Vec::new();
+    for sensor in sensors {
+        state(sensor, &mut reasons);
+        if sensor.state == SensorState::Live {
+            quality(sensor, &mut reasons);
+        }
+    }
+    let measuring = |sensor: &&SensorHealth| sensor.kind != SensorKind::Serial;
+    let any_live = sensors.iter().filter(measuring).any(|sensor| sensor.state == SensorState::Live);
+    if !any_live && sensors.iter().any(|sensor| measuring(&sensor)) {
+        reasons.push(Reason {
+            level: Level::Failed,
+            sensor: None,
+            key: "no_data".to_owned(),
+            message: "no sensor delivers data: `tumbled doctor` looks for the cause".to_owned(),
+        });
+    }
+    reasons
+}
+
+fn reason(sensor: &SensorHealth, key: &str, message: String) -> Reason {
+    Reason { level: Level::Degraded, sensor: Some(sensor.id.clone()), key: key.to_owned(), message }
+}
+
+fn state(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
+    let id = &sensor.id;
+    let (key, message) = match (sensor.state, sensor.kind) {
+        (SensorState::Live, _) => return,
+        (SensorState::Absent, SensorKind::Lidar) => {
+            ("absent", format!("{id} is not there: check its cable, its power and lidar.{id}.port"))
+        }
+        (SensorState::Absent, _) => ("absent", format!("{id} is not there: check its cable and its power")),
+        (SensorState::Opening, SensorKind::Lidar) => (
+            "opening",
+            format!("{id} has sent nothing yet: check its power, its destination address and lidar.{id}.source"),
+        ),
+        (SensorState::Opening, _) => ("opening", format!("{id} is open and has sent nothing yet")),
+        (SensorState::Stale, _) => {
+            let age = sensor.age_ns.unwrap_or_default() as f64 * 1e-9;
+            ("stale", format!("{id} has sent nothing for {age:.1} s: check its cable and its power"))
+        }
+        (SensorState::Fault, SensorKind::Kinect) => {
+            ("fault", format!("{id} sends the same frame again and again: unplug it and plug it in again"))
+        }
+        (SensorState::Fault, _) => (
+            "fault",
+            format!("{id} sends data that cannot be read: check lidar.{id}.model, or another sender on its port"),
+        ),
+    };
+    reasons.push(reason(sensor, key, message));
+}
+
+fn quality(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
+    let id = &sensor.id;
+    let sent = sensor.received + sensor.lost.total;
+    if sensor.lost.total as f64 > LOSS_SHARE * sent as f64 {
+        let (lost, share) = (sensor.lost.total, 100.0 * sensor.lost.total as f64 / sent as f64);
+        let here = sensor.lost.kernel + sensor.lost.queue;
+        let place = if here > 0 { "on this machine: give the receiver more buffer or time" } else { "on the way" };
+        reasons.push(reason(sensor, "loss", format!("{lost} of {id}'s packets are lost ({share:.2} %), {place}")));
+    }
+    if let Some(clock) = sensor.clock.filter(|clock| clock.state == ClockState::Suspect) {
+        let skew = clock.skew_ppm;
+        reasons.push(reason(
+            sensor,
+            "clock",
+            format!("{id}'s clock does not run evenly (skew {skew:+.0} ppm): its times may be wrong"),
+        ));
+    }
+    let Some(lidar) = &sensor.lidar else { return };
+    if let Some(coverage) = lidar.coverage.filter(|coverage| *coverage < LEAST_COVERAGE) {
+        let seen = 100.0 * coverage;
+        reasons.push(reason(
+            sensor,
+            "blind",
+            format!(
+                "{id} sweeps {seen:.0} % of the region of interest: its field of view, or target.roi_center_m, is wrong"
+            ),
+        ));
+    }
+    if let Some(found) = &lidar.contradiction {
+        reasons.push(reason(
+            sensor,
+            "model",
+            format!("{id}'s packets say {found}: set lidar.{id}.model to what it is"),
+        ));
+    }
+}
