@@ -77,7 +77,7 @@ fn the_commented_default_shows_every_key() {
         line.split_once(" = ")
             .is_some_and(|(k, _)| k.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_'))
     };
-    let is_section = |line: &str| line.starts_with('[') && !line.starts_with("[time]");
+    let is_section = |line: &str| line.starts_with('[') && !line.starts_with("[fusion]");
     let uncommented: Vec<&str> = COMMENTED_DEFAULT
         .lines()
         .map(|line| line.strip_prefix("# ").filter(|rest| is_key(rest) || is_section(rest)).unwrap_or(line))
@@ -89,8 +89,8 @@ fn the_commented_default_shows_every_key() {
     let missing: Vec<_> = report.keys.iter().filter(|key| key.layer == Layer::Default).map(|key| &key.key).collect();
     assert!(missing.is_empty(), "not in config/rig.toml: {missing:?}");
     // 2 of the rig, 13 of the LiDAR (its transform is two), 15 of the Kinect (9 intrinsics, transform two), 2 of the
-    // turntable, 2 of the target, 2 of the point.
-    assert_eq!(report.keys.len(), 2 + 13 + 15 + 2 + 2 + 2);
+    // turntable, 2 of the target, 2 of the point; 3 of the time, 4 of the stream, 4 of the record.
+    assert_eq!(report.keys.len(), 2 + 13 + 15 + 2 + 2 + 2 + 3 + 4 + 4);
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod architecture;
 mod cli_basics;
 mod config_cli;
 mod config_layers;
+mod config_session;
 mod export_cli;
 mod export_losses;
 mod export_outputs;

@@ -169,3 +169,16 @@ fn an_existing_recording_is_not_replaced() {
     assert_eq!((done.code, bench.read("run.mcap").as_str()), (2, "precious"));
     assert!(repository().join("docs/schema/record.schema.json").is_file());
 }
+
+#[test]
+fn the_config_says_how_much_space_stays_free_and_the_command_line_goes_before_it() {
+    let bench = Workbench::new();
+    let arguments = ["record", "-o", "run.mcap", "--set", "lidar.port=0", "--set", "lidar.position_port=0"];
+    // 8 EB: no disk has them, so the recording does not even begin.
+    let by_config = [&arguments[..], &["--set", "record.min_free=8000000TB"]].concat();
+    let refused = bench.run(&by_config);
+    assert_eq!(refused.code, 1, "{}", refused.stderr);
+    assert!(refused.stderr.contains("fewer than the 8000000000000000000"), "{}", refused.stderr);
+    let recorded = bench.run(&[&by_config[..], &["--min-free", "0", "--duration", "100ms"]].concat());
+    assert_eq!(recorded.code, 0, "{}", recorded.stderr);
+}

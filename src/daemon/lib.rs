@@ -3,10 +3,12 @@
 //! * [`cli`]: the commands, one file each, and what they share: arguments, outcomes, exit codes, output;
 //! * [`config`]: one TOML file to a checked rig;
 //! * [`decoding`]: inputs and a config to decoded sensor data;
+//! * [`quantity`]: durations and sizes as people write them;
 //! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
 #![forbid(unsafe_code)]
 
 pub mod cli;
 pub mod config;
 pub mod decoding;
+pub mod quantity;
 pub mod schema;

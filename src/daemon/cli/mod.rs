@@ -17,13 +17,14 @@ pub mod input;
 pub mod ledger;
 pub mod log;
 pub mod output;
-pub mod quantity;
 pub mod record;
 pub mod recover;
 pub mod render;
 
 pub use failure::{Failure, Outcome};
 pub use input::{ConfigArgs, InputArgs};
+
+pub use crate::quantity;
 
 /// Version and, where it was built from a repository, the commit: `0.1.0 (122e041f3c5d)`.
 pub const VERSION: &str = env!("TUMBLED_VERSION");

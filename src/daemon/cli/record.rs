@@ -21,10 +21,11 @@ use tumbled_io::live::{
 };
 use tumbled_io::recording::thread::SYNC_EVERY;
 use tumbled_io::recording::{Origin, Recorder, RecorderOptions, RecorderState, RecordingHeader, RecordingSummary};
+use tumbled_model::Span;
 
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, VERSION, output, quantity};
-use crate::config::{LidarConfig, show};
+use crate::config::{LidarConfig, RecordConfig, show};
 
 /// How often the end is looked for while nothing arrives.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -44,21 +45,54 @@ pub struct Args {
     /// End after this time, e.g. 60s, 2m.
     #[arg(long, value_parser = quantity::duration, value_name = "TIME")]
     duration: Option<Duration>,
-    /// End when less than this is free on the disk.
-    #[arg(long, value_parser = quantity::size, value_name = "SIZE", default_value = "1GiB")]
-    min_free: u64,
-    /// Begin a new part when this one has so many bytes.
-    #[arg(long, value_parser = quantity::size, value_name = "SIZE", default_value = "4GiB")]
-    rotate: u64,
-    /// Keep only the newest N parts.
-    #[arg(long, value_name = "N")]
-    keep: Option<NonZeroU32>,
-    /// Replace a recording of this name.
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    recorder: RecorderArgs,
     /// Report on stdout as JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// How a recording is written; what is left out is the config's `[record]`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct RecorderArgs {
+    /// End the recording when less than this is free on the disk [default: the config's record.min_free, 1GiB].
+    #[arg(long, value_parser = quantity::size, value_name = "SIZE")]
+    min_free: Option<u64>,
+    /// Begin a new part when this one has so many bytes [default: record.rotate, 4GiB].
+    #[arg(long, value_parser = rotate_size, value_name = "SIZE")]
+    rotate: Option<u64>,
+    /// Begin a new part when this one covers so much time [default: record.rotate_after, 10m].
+    #[arg(long, value_parser = quantity::duration, value_name = "TIME")]
+    rotate_after: Option<Duration>,
+    /// Keep only the newest N parts, 0 = all [default: record.keep, 0].
+    #[arg(long, value_name = "N")]
+    keep: Option<u32>,
+    /// Replace a recording of this name.
+    #[arg(long)]
+    force: bool,
+}
+
+impl RecorderArgs {
+    /// The recorder's options: the command line before the config.
+    pub fn options(&self, config: &RecordConfig) -> RecorderOptions {
+        let rotate_after = self.rotate_after.or(config.rotate_after);
+        RecorderOptions {
+            rotate_bytes: self.rotate.or(config.rotate),
+            rotate_duration: rotate_after.map(|after| Span(i64::try_from(after.as_nanos()).unwrap_or(i64::MAX))),
+            keep: self.keep.map_or(config.keep, NonZeroU32::new),
+            min_free: self.min_free.or(config.min_free),
+            replace: self.force,
+        }
+    }
+}
+
+/// A part's size.
+fn rotate_size(text: &str) -> Result<u64, String> {
+    let bytes = quantity::size(text).map_err(|error| error.to_string())?;
+    if bytes < RecordConfig::LEAST_ROTATE {
+        return Err("a part is at least 1 MiB".to_owned());
+    }
+    Ok(bytes)
 }
 
 /// What was recorded.
@@ -122,7 +156,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let end = end_signal()?;
     let clock = SessionClock::start_on_system();
     let header = header(&clock, &show::text(&loaded.tree, false));
-    let mut recorder = create(args, header.clone())?;
+    let options = args.recorder.options(&config.record);
+    let mut recorder = super::import::create_with(&args.output, header.clone(), options)?;
     let stop = StopToken::new().map_err(Failure::failed)?;
     let session = Session::start(&config.lidars, &clock, &stop)?;
     let sources = session.record(args, &mut recorder, &end, &stop);
@@ -149,7 +184,7 @@ fn end_signal() -> Result<Arc<AtomicBool>, Failure> {
 
 fn header(clock: &SessionClock, config: &str) -> RecordingHeader {
     let now = clock.now();
-    let unix_at_zero = now.wall - tumbled_model::Span(now.rig.0);
+    let unix_at_zero = now.wall - Span(now.rig.0);
     RecordingHeader {
         session: format!("{:x}-{:x}", unix_at_zero.0, std::process::id()),
         origin: Origin::Live,
@@ -158,17 +193,6 @@ fn header(clock: &SessionClock, config: &str) -> RecordingHeader {
         config: config.to_owned(),
         ..RecordingHeader::default()
     }
-}
-
-fn create(args: &Args, header: RecordingHeader) -> Result<Recorder, Failure> {
-    let options = RecorderOptions {
-        rotate_bytes: Some(args.rotate),
-        keep: args.keep,
-        min_free: Some(args.min_free),
-        replace: args.force,
-        ..RecorderOptions::default()
-    };
-    super::import::create_with(&args.output, header, options)
 }
 
 /// The running sources and their ledger.

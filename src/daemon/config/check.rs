@@ -27,6 +27,9 @@ pub fn check_rules(raw: RawConfig, tree: &Node, faulty: &[Vec<Step>], problems: 
     let lidars: Vec<_> = raw.lidar.into_iter().enumerate().map(|(i, lidar)| rules.lidar(i, lidar)).collect();
     let kinects: Vec<_> = raw.kinect.into_iter().enumerate().map(|(i, kinect)| rules.kinect(i, kinect)).collect();
     let turntable = raw.turntable.map(|turntable| rules.turntable(turntable));
+    let time = super::check_session::time(&raw.time);
+    let stream = super::check_session::stream(&mut rules, &raw.stream);
+    let record = super::check_session::record(&mut rules, &raw.record);
     let [x, y, z] = raw.target.roi_center_m;
     Some(Config {
         name: raw.rig.name,
@@ -35,6 +38,9 @@ pub fn check_rules(raw: RawConfig, tree: &Node, faulty: &[Vec<Step>], problems: 
         turntable,
         target: TargetConfig { roi_center: Point::new(x, y, z), roi_radius_m: raw.target.roi_radius_m },
         points_of_interest: raw.points_of_interest.into_iter().map(typed_point).collect(),
+        time,
+        stream: stream?,
+        record: record?,
     })
 }
 
@@ -208,7 +214,7 @@ impl Rules<'_> {
 
     /// A file's path. A relative one starts at the file it was written in; on the command line, at the working
     /// directory, where the shell completes it. Empty: not set.
-    fn path(&self, path: &[Step], text: Option<&str>) -> Option<PathBuf> {
+    pub(super) fn path(&self, path: &[Step], text: Option<&str>) -> Option<PathBuf> {
         let text = text.filter(|text| !text.is_empty())?;
         Some(self.tree.origin_at(path).directory().join(text))
     }
@@ -255,6 +261,6 @@ fn unit_quaternion_help(rotation_xyzw: [f64; 4], norm: f64) -> String {
 }
 
 /// Milliseconds of the config to a span; names and types have checked that they lie within an hour.
-fn span_of_ms(ms: f64) -> Span {
+pub(super) fn span_of_ms(ms: f64) -> Span {
     Span((ms * 1e6).round() as i64)
 }

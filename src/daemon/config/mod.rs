@@ -1,10 +1,10 @@
 //! The config: one TOML file, checked whole, then typed.
 //!
-//! * [`raw`]: the keys as they stand in the file, and [`calibration`]: those of the calibration file;
+//! * [`raw`], [`raw_session`]: the keys as they stand in the file, and [`calibration`]: those of the calibration file;
 //! * [`origin`], [`problem`]: where a value was written, and what is wrong with it;
 //! * [`tree`], [`shape`], [`names`]: the file as a tree, the schema it is held against, and the walk that does so;
 //! * [`set`], [`layers`]: `--set`, and the layers put together by [`load`];
-//! * [`check`]: the rules beyond names and types, which make a [`Config`];
+//! * [`check`]: the rules beyond names and types, which make a [`Config`] and its [`session`];
 //! * [`show`]: the effective config with its origins.
 //!
 //! Only [`Config`] travels on.
@@ -17,11 +17,14 @@ use tumbled_model::{Iso, Kinect, Lidar, Point, Rig, SensorId, Span, Target};
 pub mod calibration;
 pub mod check;
 mod check_sensors;
+mod check_session;
 pub mod layers;
 pub mod names;
 pub mod origin;
 pub mod problem;
 pub mod raw;
+pub mod raw_session;
+pub mod session;
 pub mod set;
 pub mod shape;
 pub mod show;
@@ -32,6 +35,8 @@ pub use layers::{ConfigError, load};
 pub use origin::Layer;
 pub use problem::{Gravity, Problem, ProblemReport};
 pub use raw::{Hdl32eStamp, Intrinsics, LidarModel, Switch, TurntableProtocol};
+pub use raw_session::ClockMethod;
+pub use session::{DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 
 /// The commented default, as `tumbled config init` writes it.
 pub const COMMENTED_DEFAULT: &str = include_str!("../../../config/rig.toml");
@@ -62,6 +67,12 @@ pub struct Config {
     pub target: TargetConfig,
     /// Points of the target whose motion is reported; names unique.
     pub points_of_interest: Vec<PointOfInterest>,
+    /// How the sensors' data are brought to one time.
+    pub time: TimeConfig,
+    /// Where the state is told.
+    pub stream: StreamConfig,
+    /// How recordings are written.
+    pub record: RecordConfig,
 }
 
 /// One Velodyne LiDAR.

@@ -7,6 +7,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::raw_session::{RawRecord, RawStream, RawTime};
+
 /// A rig: its sensors, where they are mounted, and what is measured. SI units unless a key's name says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -24,18 +26,18 @@ pub struct RawConfig {
     pub target: RawTarget,
     /// Named points of the target whose motion is reported, one `[[points_of_interest]]` each.
     pub points_of_interest: Vec<RawPointOfInterest>,
-    /// Clock handling. Has no keys in this version.
-    pub time: RawNoKeys,
+    /// How the sensors' data are brought to one time.
+    pub time: RawTime,
     /// Fusion of the two sensors. Has no keys in this version.
     pub fusion: RawNoKeys,
     /// Reconstruction of the target. Has no keys in this version.
     pub reconstruction: RawNoKeys,
     /// The motion filter. Has no keys in this version.
     pub filter: RawNoKeys,
-    /// The state stream. Has no keys in this version.
-    pub stream: RawNoKeys,
-    /// Recording. Has no keys in this version.
-    pub record: RawNoKeys,
+    /// Where the state is told: the state stream and the viewers' bridge.
+    pub stream: RawStream,
+    /// How recordings are written.
+    pub record: RawRecord,
     /// Limits of what is accepted. Has no keys in this version.
     pub limits: RawNoKeys,
 }
@@ -49,12 +51,12 @@ impl Default for RawConfig {
             turntable: None,
             target: RawTarget::default(),
             points_of_interest: Vec::new(),
-            time: RawNoKeys {},
+            time: RawTime::default(),
             fusion: RawNoKeys {},
             reconstruction: RawNoKeys {},
             filter: RawNoKeys {},
-            stream: RawNoKeys {},
-            record: RawNoKeys {},
+            stream: RawStream::default(),
+            record: RawRecord::default(),
             limits: RawNoKeys {},
         }
     }

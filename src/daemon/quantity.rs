@@ -1,4 +1,4 @@
-//! Durations and sizes on the command line: `60s`, `2m`, `500ms`, bare seconds; `1GiB`, `500MB`, bare bytes.
+//! Durations and sizes as people write them, on the command line and in the config: `60s`, `2m`, `500ms`, bare seconds; `1GiB`, `500MB`, bare bytes.
 
 use std::time::Duration;
 

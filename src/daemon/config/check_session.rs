@@ -1,0 +1,106 @@
+//! Rules of the sections about a session: addresses, sockets, sizes and durations.
+
+use std::net::SocketAddr;
+use std::num::NonZeroU32;
+use std::path::Path;
+use std::time::Duration;
+
+use super::check::{Rules, span_of_ms};
+use super::layers::keys;
+use super::raw_session::{RawRecord, RawStream, RawTime};
+use super::session::{DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
+use crate::quantity;
+
+/// The longest path of a Unix socket, bytes: `sun_path` has 108 with its end mark.
+const SOCKET_PATH_BYTES: usize = 107;
+
+pub(super) fn time(raw: &RawTime) -> TimeConfig {
+    TimeConfig { hold: span_of_ms(raw.hold_ms), silent_after: span_of_ms(raw.silent_after_ms), clock: raw.clock }
+}
+
+/// `None`: an address or path that is none, reported.
+pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamConfig> {
+    let tcp = socket_address(rules, "tcp", &raw.tcp, 7117);
+    let foxglove = socket_address(rules, "foxglove", &raw.foxglove, 8765);
+    if let (Some(Some(tcp)), Some(Some(foxglove))) = (tcp, foxglove)
+        && tcp == foxglove
+        && tcp.port() != 0
+    {
+        let message = format!("`stream.tcp` and `stream.foxglove` are both {tcp}");
+        rules.broken(&keys(&["stream", "foxglove"]), message, "give each a port of its own");
+    }
+    let unix = unix_path(rules, &raw.unix);
+    let max_cloud_points = usize::try_from(raw.max_cloud_points).unwrap_or(usize::MAX);
+    Some(StreamConfig { tcp: tcp?, unix: unix?, foxglove: foxglove?, max_cloud_points })
+}
+
+/// `Some(None)`: none is wanted. `None`: no address, reported.
+fn socket_address(rules: &mut Rules<'_>, key: &str, text: &str, usual_port: u16) -> Option<Option<SocketAddr>> {
+    if text.is_empty() {
+        return Some(None);
+    }
+    match text.parse() {
+        Ok(address) => Some(Some(address)),
+        Err(_) => {
+            let help = format!("write the address to listen on, e.g. {key} = \"127.0.0.1:{usual_port}\"; empty: none");
+            rules.broken(&keys(&["stream", key]), format!("\"{text}\" is not an IP address with a port"), help);
+            None
+        }
+    }
+}
+
+/// `Some(None)`: none is wanted. `None`: too long, reported.
+fn unix_path(rules: &mut Rules<'_>, text: &str) -> Option<Option<UnixPath>> {
+    let at = keys(&["stream", "unix"]);
+    let Some(path) = rules.path(&at, Some(text)) else { return Some(None) };
+    let length = path.as_os_str().len();
+    if length > SOCKET_PATH_BYTES {
+        let message = format!("the path of the socket has {length} bytes, more than the {SOCKET_PATH_BYTES} of a path");
+        rules.broken(&at, message, "choose a shorter one, e.g. below /run or /tmp; empty: no socket");
+        return None;
+    }
+    let configured = path != Path::new(DEFAULT_STREAM_SOCKET);
+    Some(Some(UnixPath { path, configured }))
+}
+
+/// `None`: a size or duration that is none, reported.
+pub(super) fn record(rules: &mut Rules<'_>, raw: &RawRecord) -> Option<RecordConfig> {
+    let min_free = quantity_of(rules, "min_free", &raw.min_free, quantity::size);
+    let rotate = quantity_of(rules, "rotate", &raw.rotate, quantity::size);
+    if let Some(Some(rotate)) = rotate
+        && rotate < RecordConfig::LEAST_ROTATE
+    {
+        let message = format!("`record.rotate` is {rotate} bytes: a part is at least 1 MiB");
+        rules.broken(&keys(&["record", "rotate"]), message, "write e.g. rotate = \"4GiB\"; empty: never by size");
+    }
+    let rotate_after = quantity_of(rules, "rotate_after", &raw.rotate_after, quantity::duration);
+    if let Some(Some(after)) = rotate_after
+        && after < Duration::from_secs(1)
+    {
+        let message = format!("`record.rotate_after` is {} ms: a part covers at least 1 s", after.as_millis());
+        let help = "write e.g. rotate_after = \"10m\"; empty: never by time";
+        rules.broken(&keys(&["record", "rotate_after"]), message, help);
+    }
+    let keep = NonZeroU32::new(raw.keep);
+    Some(RecordConfig { min_free: min_free?, rotate: rotate?, rotate_after: rotate_after?, keep })
+}
+
+/// `Some(None)`: empty, not set. `None`: no quantity, reported.
+fn quantity_of<T>(
+    rules: &mut Rules<'_>,
+    key: &str,
+    text: &str,
+    read: impl Fn(&str) -> Result<T, quantity::QuantityError>,
+) -> Option<Option<T>> {
+    if text.is_empty() {
+        return Some(None);
+    }
+    match read(text) {
+        Ok(quantity) => Some(Some(quantity)),
+        Err(expected) => {
+            let message = format!("`record.{key}` is \"{text}\": {expected}");
+            rules.broken(&keys(&["record", key]), message, "empty: not set");
+            None
+        }
+    }
+}

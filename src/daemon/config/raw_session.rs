@@ -1,0 +1,87 @@
+//! The sections of the config that are about a session rather than about the rig: time, stream, record.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::session::DEFAULT_STREAM_SOCKET;
+
+/// How the sensors' data are brought to one time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawTime {
+    /// Milliseconds an epoch waits at most for the data of the other sensors.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
+    pub hold_ms: f64,
+    /// Milliseconds of silence after which a sensor is no longer waited for.
+    #[schemars(range(max = 3_600_000.0), extend("exclusiveMinimum" = 0))]
+    pub silent_after_ms: f64,
+    /// How device stamps become times: `hull` takes the least delayed arrivals, `kalman` their mean delay, `arrival`
+    /// believes no device clock.
+    pub clock: ClockMethod,
+}
+
+impl Default for RawTime {
+    fn default() -> Self {
+        Self { hold_ms: 150.0, silent_after_ms: 2_000.0, clock: ClockMethod::Hull }
+    }
+}
+
+/// How device stamps become times on the session's timeline.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ClockMethod {
+    /// By the lower convex hull of the arrivals: free of jitter and queueing.
+    #[default]
+    Hull,
+    /// By a filter of the mean delay: smooth, but late by that mean. For comparison.
+    Kalman,
+    /// By the arrivals alone: every delay is an error of time. For comparison, and for broken device clocks.
+    Arrival,
+}
+
+/// Where the state is told.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawStream {
+    /// Address and port of the state stream; port 0 = any free port; empty: none.
+    pub tcp: String,
+    /// Unix socket of the state stream; empty: none.
+    pub unix: String,
+    /// Address and port where viewers that speak the Foxglove protocol connect; port 0 = any free port; empty: none.
+    pub foxglove: String,
+    /// Points of a cloud that a client is sent at most; of more, evenly chosen ones.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub max_cloud_points: u32,
+}
+
+impl Default for RawStream {
+    fn default() -> Self {
+        Self {
+            tcp: "127.0.0.1:7117".to_owned(),
+            unix: DEFAULT_STREAM_SOCKET.to_owned(),
+            foxglove: "127.0.0.1:8765".to_owned(),
+            max_cloud_points: 2_000,
+        }
+    }
+}
+
+/// How recordings are written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawRecord {
+    /// A recording ends when less than this is free on its disk, e.g. 1GiB; empty: when the disk is full.
+    pub min_free: String,
+    /// A new part begins when this one has so many bytes, e.g. 4GiB; empty: never by size.
+    pub rotate: String,
+    /// A new part begins when this one covers so much time, e.g. 10m; empty: never by time.
+    pub rotate_after: String,
+    /// How many of the newest parts are kept; 0 = all.
+    #[schemars(range(max = 1_000_000))]
+    pub keep: u32,
+}
+
+impl Default for RawRecord {
+    fn default() -> Self {
+        Self { min_free: "1GiB".to_owned(), rotate: "4GiB".to_owned(), rotate_after: "10m".to_owned(), keep: 0 }
+    }
+}

@@ -1,0 +1,65 @@
+//! What a checked config says about a session: time, stream, record.
+
+use std::net::SocketAddr;
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use tumbled_model::Span;
+
+use super::raw_session::ClockMethod;
+
+/// The state stream's Unix socket unless the config names another.
+pub const DEFAULT_STREAM_SOCKET: &str = "/run/tumbled/state.sock";
+
+/// How the sensors' data are brought to one time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimeConfig {
+    /// The longest an epoch waits for the other sensors, 0 to 10 s.
+    pub hold: Span,
+    /// A sensor silent for longer is no longer waited for; above 0, at most an hour.
+    pub silent_after: Span,
+    /// How device stamps become times.
+    pub clock: ClockMethod,
+}
+
+/// Where the state is told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StreamConfig {
+    /// Where the state stream listens; port 0 = any free port.
+    pub tcp: Option<SocketAddr>,
+    /// The state stream's Unix socket.
+    pub unix: Option<UnixPath>,
+    /// Where viewers that speak the Foxglove protocol connect; port 0 = any free port.
+    pub foxglove: Option<SocketAddr>,
+    /// Points of a cloud that a client is sent at most, 1 to 100 000.
+    pub max_cloud_points: usize,
+}
+
+/// A Unix socket's path.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnixPath {
+    /// The path; short enough for a socket.
+    pub path: PathBuf,
+    /// Somebody chose it: that it cannot be made is an error. [`DEFAULT_STREAM_SOCKET`] wants a folder that only an
+    /// installed service has, so there its absence is a warning, whoever wrote it down.
+    pub configured: bool,
+}
+
+/// How recordings are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecordConfig {
+    /// The recording ends when fewer bytes are free on its disk.
+    pub min_free: Option<u64>,
+    /// A new part begins when this one has so many bytes; at least [`RecordConfig::LEAST_ROTATE`].
+    pub rotate: Option<u64>,
+    /// A new part begins when this one covers so much time; at least a second.
+    pub rotate_after: Option<Duration>,
+    /// How many of the newest parts are kept; `None`: all.
+    pub keep: Option<NonZeroU32>,
+}
+
+impl RecordConfig {
+    /// The smallest part, bytes: below, the parts' heads and ends would outweigh the data.
+    pub const LEAST_ROTATE: u64 = 1 << 20;
+}
