@@ -18,7 +18,8 @@ pub const LONGEST_SILENCE: Span = Span(60_000_000_000);
 /// * They come before the first event that arrived at their time or later; an anchor before the tick of the same time.
 /// * `seq` is counted anew over everything. Nothing comes after the last event.
 /// * Captures with synthetic times get no anchors: there is no wall clock to anchor to.
-/// * Of recordings merged with other inputs, their own ticks and anchors are left out: they would come twice.
+/// * Of recordings merged with other inputs, their own ticks and anchors are left out: they would come twice. So are
+///   changes of their configs: all inputs are read with one.
 /// * A single recording has its own heartbeat and passes unchanged.
 #[derive(Debug)]
 pub struct Heartbeat {
@@ -90,7 +91,7 @@ impl Iterator for Heartbeat {
             Some(event) => event,
             None => loop {
                 match self.merged.next()? {
-                    Ok(Event { body: Body::Tick | Body::Anchor { .. }, .. }) => {}
+                    Ok(Event { body: Body::Tick | Body::Anchor { .. } | Body::Config { .. }, .. }) => {}
                     Ok(event) => break event,
                     Err(error) => return Some(Err(error)),
                 }

@@ -1,6 +1,7 @@
 //! The ledger's thread: one order for everything that arrives.
 
 use super::clock::SessionClock;
+use super::control::ControlIntake;
 use super::intake::{Intake, Offered, QueueBound};
 use super::metronome::{Due, Metronome};
 use super::outlet::{
@@ -34,9 +35,9 @@ pub struct Ledger {
 }
 
 struct Inlet {
-    sensor: SensorId,
+    /// Whose it is and how many items it holds; `None`: the shell's.
+    source: Option<(SensorId, usize)>,
     items: Receiver<Offered>,
-    bound: usize,
 }
 
 impl Ledger {
@@ -59,8 +60,15 @@ impl Ledger {
     /// A way in for one source.
     pub fn intake(&mut self, sensor: SensorId, bound: QueueBound) -> Intake {
         let (intake, items) = Intake::new(sensor.clone(), bound, self.when_full());
-        self.inlets.push(Inlet { sensor, items, bound: bound.0.max(1) });
+        self.inlets.push(Inlet { source: Some((sensor, bound.0.max(1))), items });
         intake
+    }
+
+    /// A way in for an operator's orders and changed configs; they concern no sensor.
+    pub fn control(&mut self) -> ControlIntake {
+        let (control, items) = ControlIntake::new(self.clock.is_some());
+        self.inlets.push(Inlet { source: None, items });
+        control
     }
 
     /// A way out for the recorder, [`RECORDER_QUEUE_BYTES`] long: live, what does not fit is missing in the recording
@@ -105,7 +113,8 @@ impl Ledger {
     pub fn start(self) -> io::Result<LedgerHandle> {
         let patience = Arc::new(Patience::default());
         let (stop, stopped) = crossbeam_channel::bounded(0);
-        let fill = self.inlets.iter().map(|inlet| (inlet.sensor.clone(), inlet.items.clone(), inlet.bound)).collect();
+        let fill = |inlet: &Inlet| inlet.source.clone().map(|(sensor, bound)| (sensor, inlet.items.clone(), bound));
+        let fill = self.inlets.iter().filter_map(fill).collect();
         let gauges = self.consumers.iter().filter_map(|consumer| consumer.gauge()).collect();
         let writer = Writer {
             clock: self.clock,

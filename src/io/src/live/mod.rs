@@ -8,7 +8,7 @@
 //! ```
 //!
 //! * [`source`]: what a source is; [`udp`] is the one for a LiDAR; [`mod@supervise`] keeps it running;
-//! * [`intake`]: a source's bounded way into the ledger, with its losses counted and posted;
+//! * [`intake`]: a source's bounded way into the ledger, with its losses counted and posted; [`control`]: an operator's;
 //! * [`ledger`]: the thread that makes the one order; [`outlet`]: the bounded ways out of it;
 //! * [`clock`], [`arrival`]: the session's timeline and the kernel's stamps on it;
 //! * [`send`]: the other end, a UDP sender that keeps a recording's pace;
@@ -18,6 +18,7 @@
 
 pub mod arrival;
 pub mod clock;
+pub mod control;
 pub mod intake;
 pub mod ledger;
 mod metronome;
@@ -31,6 +32,7 @@ mod udp_port;
 
 pub use arrival::{Arrival, ArrivalClock};
 pub use clock::{HostClock, HostSample, SessionClock, SessionInstant, SystemClock};
+pub use control::{ControlError, ControlIntake};
 pub use intake::{Delivery, Intake, LedgerClosed, QueueBound};
 pub use ledger::{Ledger, LedgerHandle, LedgerSummary, QueueFill};
 pub use outlet::{Consumer, EventReceiver, OutletCounts, OutletGauge, Patience, ScanMark, WhenFull};

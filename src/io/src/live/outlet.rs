@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
-use tumbled_model::{Body, Event, LossPoint, RigNs, SensorId};
+use tumbled_model::{Body, Command, Event, LossPoint, RigNs, SensorId};
 
 /// What may wait for the recorder: about 3 s of a VLP-32C and a Kinect at 20 MB/s, some 30 times the longest stall
 /// of a healthy disk.
@@ -222,7 +222,12 @@ fn take(state: &mut State) -> Option<Event> {
 }
 
 fn cost(event: &Event) -> usize {
-    EVENT_COST + payload(&event.body).map_or(0, bytes::Bytes::len)
+    let text = match &event.body {
+        Body::Config { toml } => toml.len(),
+        Body::Command(Command::Marker { text }) => text.len(),
+        _ => 0,
+    };
+    EVENT_COST + text + payload(&event.body).map_or(0, bytes::Bytes::len)
 }
 
 /// An outlet with a queue, bounded in bytes.

@@ -1,7 +1,7 @@
 //! Where two events differ: the first field that does, and its two values.
 
 use core::fmt;
-use tumbled_model::{Body, Event};
+use tumbled_model::{Body, Command, Event};
 
 use super::layout::ChannelKey;
 
@@ -70,6 +70,8 @@ fn body(a: &Body, b: &Body) -> Option<Difference> {
                 .or_else(|| field("place", format!("{p:?}"), format!("{q:?}")))
         }
         (Body::Anchor { unix: a }, Body::Anchor { unix: b }) => field("unix_ns", a.0, b.0),
+        (Body::Command(Command::Marker { text: a }), Body::Command(Command::Marker { text: b })) => field("text", a, b),
+        (Body::Config { toml: a }, Body::Config { toml: b }) => lines(a, b),
         _ => field("kind", kind(a), kind(b)),
     }
 }
@@ -85,8 +87,27 @@ fn kind(body: &Body) -> &'static str {
         Body::Anchor { .. } => "anchor",
         Body::Tick => "tick",
         Body::Gap { .. } => "gap",
+        Body::Command(Command::Marker { .. }) => "marker",
+        Body::Config { .. } => "config",
         _ => "event of another kind",
     }
+}
+
+/// The first line in which two configs differ; where one ends, `end`.
+fn lines(a: &str, b: &str) -> Option<Difference> {
+    // `split` and not `lines`: a newline more at the end is a difference too.
+    let (mut of_a, mut of_b) = (a.split('\n'), b.split('\n'));
+    for number in 1_u64.. {
+        let (a, b) = (of_a.next(), of_b.next());
+        if a.is_none() && b.is_none() {
+            break;
+        }
+        if a != b {
+            let shown = |line: Option<&str>| format!("line {number}: {}", line.unwrap_or("end"));
+            return field("config", shown(a), shown(b));
+        }
+    }
+    None
 }
 
 /// Where two payloads differ: their lengths, else the first byte that does.
@@ -97,4 +118,37 @@ fn bytes(a: &[u8], b: &[u8]) -> Option<Difference> {
     let at = a.iter().zip(b).position(|(a, b)| a != b)?;
     let show = |bytes: &[u8]| format!("{:#04x} at byte {at}", bytes.get(at).copied().unwrap_or_default());
     Some(Difference { field: "bytes", a: show(a), b: show(b) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tumbled_model::RigNs;
+
+    fn difference(a: Body, b: Body) -> Option<(&'static str, String, String)> {
+        let event = |body| Event { seq: 3, arrived: RigNs(7), body };
+        compare(&event(a), &event(b)).map(|difference| (difference.field, difference.a, difference.b))
+    }
+
+    fn config(toml: &str) -> Body {
+        Body::Config { toml: toml.into() }
+    }
+
+    fn marker(text: &str) -> Body {
+        Body::Command(Command::Marker { text: text.into() })
+    }
+
+    #[test]
+    fn configs_differ_in_a_line_and_markers_in_their_text() {
+        let lines = |a: &str, b: &str| Some(("config", a.to_owned(), b.to_owned()));
+        assert_eq!(difference(config("a\nb\nc"), config("a\nx\nc")), lines("line 2: b", "line 2: x"));
+        // A newline at the end opens one more, empty line.
+        assert_eq!(difference(config("a\n"), config("a")), lines("line 2: ", "line 2: end"));
+        assert_eq!(difference(config("a"), config("a")), None);
+        assert_eq!(difference(marker("in"), marker("out")), Some(("text", "in".to_owned(), "out".to_owned())));
+        assert_eq!(
+            difference(marker("in"), config("in")).map(|(field, a, b)| (field, a + "|" + &b)),
+            Some(("kind", "marker|config".to_owned()))
+        );
+    }
 }

@@ -15,16 +15,17 @@
 //! | `/kinect/<id>/depth_raw` | encoding u8 (0 packed 11-bit, 1 raw 16-bit, 2 mm 16-bit), ticks present u8, 0 u16, ticks u32, lost USB packets as 256 bits (bit k = byte k/8, bit k%8), the frame |
 //! | `/kinect/<id>/tables` | the device's replies |
 //! | `/serial/<id>/bytes` | the bytes |
-//! | `/ledger` | tag u8 and by tag: 1 tick: nothing · 2 anchor: unix ns i64 · 3 sensor state: state u8, id · 4 skip: scans u16, id · 5 gap: place u8, lost u32, id |
+//! | `/ledger` | tag u8 and by tag: 1 tick: nothing · 2 anchor: unix ns i64 · 3 sensor state: state u8, id · 4 skip: scans u16, id · 5 gap: place u8, lost u32, id · 6 command: order u8, text · 7 config: TOML |
 //!
-//! An id is the rest of the message, UTF-8. States: 0 opened, 1 lost, 2 closed. Places: 0 kernel, 1 queue, 2 USB,
-//! 3 recorder, 4 capture.
+//! An id, a text and a config are the rest of the message, UTF-8. States: 0 opened, 1 lost, 2 closed. Places: 0 kernel,
+//! 1 queue, 2 USB, 3 recorder, 4 capture. Orders: 0 marker.
 
 use bytes::Bytes;
 use core::fmt;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use tumbled_model::{
-    Body, DepthEncoding, Event, KinectTicks, LossPoint, PacketMask, RigNs, SensorId, SourceState, UnixNs,
+    Body, Command, DepthEncoding, Event, KinectTicks, LossPoint, PacketMask, RigNs, SensorId, SourceState, UnixNs,
 };
 
 use crate::capture::Fields;
@@ -39,6 +40,9 @@ const MASK_BYTES: usize = 32;
 /// The largest message that is recorded or read. A depth frame has 0.6 MB; nothing a sensor gives comes near.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
 
+/// The longest config that is recorded, read or attached, bytes: a rig of ten sensors has 10 kB.
+pub const MAX_CONFIG_BYTES: usize = 1 << 20;
+
 /// What a channel carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ChannelKind {
@@ -50,7 +54,7 @@ pub enum ChannelKind {
     DeviceTables,
     /// Bytes of a serial port.
     SerialBytes,
-    /// What happened beside the data: ticks, anchors, sensor states, skips, gaps.
+    /// What happened beside the data: ticks, anchors, sensor states, skips, gaps, an operator's orders, changed configs.
     Ledger,
 }
 
@@ -82,7 +86,8 @@ impl ChannelKind {
             Self::Ledger => {
                 "little-endian: seq u64, arrived_ns i64, tag u8; 1 tick; 2 anchor: unix_ns i64; \
                  3 state: u8 (0 opened, 1 lost, 2 closed), id; 4 skip: scans u16, id; \
-                 5 gap: place u8 (0 kernel, 1 queue, 2 usb, 3 recorder, 4 capture), lost u32, id"
+                 5 gap: place u8 (0 kernel, 1 queue, 2 usb, 3 recorder, 4 capture), lost u32, id; \
+                 6 command: u8 (0 marker), text; 7 config: TOML"
             }
         }
     }
@@ -119,9 +124,13 @@ impl ChannelKey {
             Body::DepthFrame { sensor, .. } => (ChannelKind::DepthRaw, Some(sensor)),
             Body::DeviceTables { sensor, .. } => (ChannelKind::DeviceTables, Some(sensor)),
             Body::SerialChunk { sensor, .. } => (ChannelKind::SerialBytes, Some(sensor)),
-            Body::SensorState { .. } | Body::Skip { .. } | Body::Gap { .. } | Body::Anchor { .. } | Body::Tick => {
-                (ChannelKind::Ledger, None)
-            }
+            Body::SensorState { .. }
+            | Body::Skip { .. }
+            | Body::Gap { .. }
+            | Body::Anchor { .. }
+            | Body::Tick
+            | Body::Command(_)
+            | Body::Config { .. } => (ChannelKind::Ledger, None),
             _ => return None,
         };
         Some(Self { kind, sensor: sensor.cloned() })
@@ -196,6 +205,14 @@ pub(crate) fn encode(event: &Event, into: &mut Vec<u8>) -> bool {
             into.extend(lost.to_le_bytes());
             into.extend_from_slice(sensor.as_str().as_bytes());
         }
+        Body::Command(Command::Marker { text }) => {
+            into.extend([6, 0]);
+            into.extend_from_slice(text.as_bytes());
+        }
+        Body::Config { toml } => {
+            into.push(7);
+            into.extend_from_slice(toml.as_bytes());
+        }
         _ => {
             into.truncate(start);
             return false;
@@ -258,8 +275,18 @@ fn ledger_body(fields: &mut Fields<'_>) -> Option<Body> {
             let lost = fields.u32()?;
             Body::Gap { sensor: id(fields)?, lost, place }
         }
+        6 => match fields.u8()? {
+            0 => Body::Command(Command::Marker { text: text(fields, Command::TEXT_BYTES)? }),
+            _ => return None,
+        },
+        7 => Body::Config { toml: text(fields, MAX_CONFIG_BYTES)? },
         _ => return None,
     })
+}
+
+/// The rest of a message as a text of at most so many bytes.
+fn text(fields: &Fields<'_>, most: usize) -> Option<Arc<str>> {
+    (fields.0.len() <= most).then(|| std::str::from_utf8(fields.0).ok().map(Arc::from))?
 }
 
 /// Places of loss: code in a gap, name in counters.
@@ -309,8 +336,13 @@ pub fn payload_bytes(body: &Body) -> usize {
     }
 }
 
-/// Whether [`encode`] makes a message that may be recorded.
+/// Whether [`encode`] makes a message that may be recorded and is read back.
 pub(crate) fn fits(body: &Body) -> bool {
+    match body {
+        Body::Command(Command::Marker { text }) => return text.len() <= Command::TEXT_BYTES,
+        Body::Config { toml } => return toml.len() <= MAX_CONFIG_BYTES,
+        _ => {}
+    }
     let id = body.sensor().map_or(0, |sensor| sensor.as_str().len());
     payload_bytes(body).saturating_add(id) <= MAX_MESSAGE_BYTES - HEAD_BYTES - DEPTH_HEAD_BYTES
 }

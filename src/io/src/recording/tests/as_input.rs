@@ -47,7 +47,15 @@ fn parts_given_one_by_one_are_one_input() {
 #[test]
 fn with_other_inputs_it_is_merged_by_host_time() {
     let (folder, path) = folder();
-    record(&path, &[tick(0, 0), lidar(1, 0, b"a"), lidar(2, 2_000_000_000, b"b")], RecorderOptions::default());
+    let of_session = |seq, body| Event { seq, arrived: RigNs(0), body };
+    let recorded = [
+        tick(0, 0),
+        lidar(1, 0, b"a"),
+        of_session(2, Body::Config { toml: "[rig]\n".into() }),
+        of_session(3, Body::Command(Command::Marker { text: "begin".into() })),
+        lidar(4, 2_000_000_000, b"b"),
+    ];
+    record(&path, &recorded, RecorderOptions::default());
     let frames = folder.path().join("near");
     fs::create_dir(&frames).unwrap();
     fs::write(frames.join("INDEX.txt"), format!("d-{:.6}-1.pgm\n", 1_795_341_601.0)).unwrap();
@@ -61,6 +69,8 @@ fn with_other_inputs_it_is_merged_by_host_time() {
     let count = |body: fn(&Body) -> bool| events.iter().filter(|event| body(&event.body)).count();
     assert_eq!(count(|body| matches!(body, Body::Tick)), 21);
     assert_eq!(count(|body| matches!(body, Body::Anchor { .. })), 3);
+    assert_eq!(count(|body| matches!(body, Body::Command(_))), 1);
+    assert_eq!(count(|body| matches!(body, Body::Config { .. })), 0, "all inputs are read with one config");
     assert!(events.iter().enumerate().all(|(n, event)| event.seq == n as u64));
 }
 

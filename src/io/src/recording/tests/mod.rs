@@ -13,7 +13,7 @@ use super::{Origin, Reader, Recorder, RecorderOptions, RecordingHeader, Recordin
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 use tumbled_model::{
-    Body, DepthEncoding, Event, KinectTicks, LossPoint, PacketMask, RigNs, SensorId, SourceState, UnixNs,
+    Body, Command, DepthEncoding, Event, KinectTicks, LossPoint, PacketMask, RigNs, SensorId, SourceState, UnixNs,
 };
 
 /// 22 November 2026, 10:00:00 UTC.
@@ -110,6 +110,8 @@ fn any_body() -> impl Strategy<Value = Body> {
         (any_sensor(), any::<u16>()).prop_map(|(sensor, scans)| Body::Skip { sensor, scans }),
         (any_sensor(), any::<u32>(), place).prop_map(|(sensor, lost, place)| Body::Gap { sensor, lost, place }),
         any::<i64>().prop_map(|unix| Body::Anchor { unix: UnixNs(unix) }),
+        ".{0,256}".prop_map(|text| Body::Command(Command::Marker { text: text.into() })),
+        "(?s).{0,400}".prop_map(|toml| Body::Config { toml: toml.into() }),
         Just(Body::Tick),
     ]
 }

@@ -109,6 +109,31 @@ fn an_event_too_large_to_be_read_back_is_refused_and_counted() {
 }
 
 #[test]
+fn texts_are_recorded_up_to_their_limits_and_refused_beyond() {
+    let (_folder, path) = folder();
+    let marker = |bytes| Body::Command(Command::Marker { text: "m".repeat(bytes).into() });
+    let config = |bytes| Body::Config { toml: "c".repeat(bytes).into() };
+    let bodies = [marker(1_024), marker(1_025), config(1 << 20), config((1 << 20) + 1), marker(0)];
+    let events: Vec<_> = (0..).zip(bodies).map(|(seq, body)| Event { seq, arrived: RigNs(0), body }).collect();
+    let summary = record(&path, &events, RecorderOptions::default());
+    assert_eq!((summary.counters.events, summary.unrecordable), (3, 2));
+    assert_eq!(read(&[&path]).0, [events[0].clone(), events[2].clone(), events[4].clone()]);
+}
+
+#[test]
+fn texts_that_are_no_utf_8_too_long_or_of_an_unknown_order_are_no_events() {
+    let ledger = ChannelKey { kind: ChannelKind::Ledger, sensor: None };
+    let decode = |body: &[u8]| crate::recording::layout::decode(&ledger, &[&[0; 16], body].concat().into());
+    let marker = |text: &[u8]| decode(&[&[6, 0], text].concat());
+    let config = |toml: &[u8]| decode(&[&[7], toml].concat());
+    assert!(marker(&[b'a'; 1_024]).is_some() && marker(&[b'a'; 1_025]).is_none());
+    assert!(config(&[b'a'; 1 << 20]).is_some() && config(&[b'a'; (1 << 20) + 1]).is_none());
+    // 0xff begins no character; 0xc3 begins one that does not end.
+    assert!(marker(b"\xff").is_none() && config(b"name = \"\xc3").is_none());
+    assert!(decode(&[6]).is_none() && decode(&[6, 1, b'a']).is_none(), "no order, an order nobody knows");
+}
+
+#[test]
 fn digest_is_that_of_the_content_and_the_name_has_no_folder() {
     let (folder, _) = folder();
     let path = folder.path().join("x.pcap");
