@@ -13,6 +13,9 @@ mod info_cli;
 mod record_cli;
 mod recording_cli;
 mod schemas;
+mod stream_limits;
+mod stream_protocol;
+mod stream_sockets;
 mod support;
 
 #[allow(dead_code, reason = "the driver's own tests use all of it")]

@@ -4,6 +4,7 @@
 //! * [`config`]: one TOML file to a checked rig;
 //! * [`decoding`]: inputs and a config to decoded sensor data;
 //! * [`quantity`]: durations and sizes as people write them;
+//! * [`stream`]: the state stream to whoever connects;
 //! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
 #![forbid(unsafe_code)]
 
@@ -12,3 +13,4 @@ pub mod config;
 pub mod decoding;
 pub mod quantity;
 pub mod schema;
+pub mod stream;

@@ -9,6 +9,7 @@ use schemars::{Schema, schema_for};
 use crate::cli::config::check::CheckReport;
 use crate::config::raw::RawConfig;
 use crate::config::show::ShowReport;
+use crate::stream::{self, Sent};
 
 /// A published schema.
 pub struct Published {
@@ -41,6 +42,10 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/record.schema.json", schema: schema_for!(crate::cli::record::RecordReport) },
         Published { file: "docs/schema/recover.schema.json", schema: schema_for!(crate::cli::recover::RecoverReport) },
         Published { file: "docs/schema/info.schema.json", schema: schema_for!(crate::cli::info::report::InfoReport) },
+        Published { file: "docs/schema/stream-hello.schema.json", schema: schema_for!(Sent<stream::Hello>) },
+        Published { file: "docs/schema/stream-error.schema.json", schema: schema_for!(Sent<stream::ErrorLine>) },
+        Published { file: "docs/schema/stream-event.schema.json", schema: schema_for!(Sent<stream::EventLine>) },
+        Published { file: "docs/schema/stream-cloud.schema.json", schema: schema_for!(Sent<stream::CloudLine>) },
         Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },
     ]
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod pcap;
 pub(crate) mod real;
+pub(crate) mod stream;
 
 use std::fs;
 use std::path::{Path, PathBuf};

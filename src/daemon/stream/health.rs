@@ -1,0 +1,163 @@
+//! HEALTH: how sensors, clocks, queues and recorder are doing.
+//!
+//! It has two parts. `core` follows from the ledger alone and is the same on replay; `shell` holds the facts of this
+//! moment on this machine.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tumbled_model::{RigNs, UnixNs};
+
+use super::class::Class;
+use super::hello::StreamOrigin;
+use super::hub::ClientTotals;
+
+/// How a whole is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum HealthLevel {
+    /// All is as it should be.
+    Ok,
+    /// It measures, but something is missing: the reasons say what.
+    Degraded,
+    /// It does not measure.
+    Failed,
+}
+
+/// Health, once a second. `C` is the core's part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "tumbled stream: HEALTH")]
+pub struct HealthLine<C> {
+    /// HEALTH.
+    pub class: Class,
+    /// Where the data come from.
+    pub origin: StreamOrigin,
+    /// When, ns on the session's timeline.
+    pub t_ns: i64,
+    /// The same as wall time, ns since 1970-01-01 UTC as a decimal string.
+    pub unix_ns: String,
+    /// The worse of the core's level and the shell's.
+    pub level: HealthLevel,
+    /// Why the level is not `ok`, each with what to do; empty if it is.
+    pub reasons: Vec<String>,
+    /// What follows from the ledger: sensors, losses, clocks. The same on replay.
+    pub core: C,
+    /// What is so now, on this machine.
+    pub shell: ShellHealth,
+}
+
+impl<C> HealthLine<C> {
+    /// At `t`, wall time `unix`, with the level and reasons of both parts together.
+    pub fn new(
+        origin: StreamOrigin,
+        (t, unix): (RigNs, UnixNs),
+        (level, reasons): (HealthLevel, Vec<String>),
+        core: C,
+        shell: ShellHealth,
+    ) -> Self {
+        Self { class: Class::Health, origin, t_ns: t.0, unix_ns: unix.0.to_string(), level, reasons, core, shell }
+    }
+}
+
+/// The part of health that is not replayed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ShellHealth {
+    /// Since the session's start, s.
+    pub uptime_s: f64,
+    /// Memory of the process that is in RAM, bytes; null where the system does not say.
+    pub memory_bytes: Option<u64>,
+    /// The queues between the threads, in the order the data pass them.
+    pub queues: Vec<QueueHealth>,
+    /// Scans shed since the start because the core was behind. They are recorded all the same.
+    pub shed_scans: u64,
+    /// The recorder; null when nothing is recorded.
+    pub recorder: Option<RecorderHealth>,
+    /// Clients of the state stream.
+    pub stream: StreamHealth,
+    /// How long the steps of the work take, over the last minute.
+    pub steps: Vec<StepHealth>,
+}
+
+/// A queue between two threads.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct QueueHealth {
+    /// What it leads from and to, e.g. `front -> ledger`.
+    pub name: String,
+    /// How much waits, in the unit of the bound.
+    pub waiting: u64,
+    /// How much may wait.
+    pub bound: u64,
+    /// Lost since the start because it was full.
+    pub lost: u64,
+}
+
+/// What a recorder is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RecorderStatus {
+    /// It writes.
+    Recording,
+    /// It stopped: the disk has less than the limit left.
+    StoppedDisk,
+    /// It stopped: an error, which is among the reasons.
+    StoppedError,
+}
+
+/// The recorder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RecorderHealth {
+    /// What it is doing.
+    pub state: RecorderStatus,
+    /// The part it writes.
+    pub file: String,
+    /// Bytes written, all parts together.
+    pub bytes: u64,
+    /// Events dropped from the recording because it was behind.
+    pub dropped: u64,
+    /// Since the last time everything written was safe on the disk, s.
+    pub synced_s: Option<f64>,
+    /// Free on its disk, bytes.
+    pub disk_free_bytes: Option<u64>,
+}
+
+/// Clients of the state stream, counted since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct StreamHealth {
+    /// Connected now.
+    pub clients: u64,
+    /// Connected since the start.
+    pub accepted: u64,
+    /// Refused because there were too many.
+    pub refused: u64,
+    /// Cut off because they did not read.
+    pub cut_off: u64,
+    /// Lines dropped because a client was behind.
+    pub dropped: u64,
+    /// Bytes that wait for clients.
+    pub queued_bytes: u64,
+}
+
+impl From<ClientTotals> for StreamHealth {
+    fn from(totals: ClientTotals) -> Self {
+        Self {
+            clients: totals.clients as u64,
+            accepted: totals.accepted,
+            refused: totals.refused,
+            cut_off: totals.cut_off,
+            dropped: totals.dropped,
+            queued_bytes: totals.queued_bytes as u64,
+        }
+    }
+}
+
+/// How long a step takes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StepHealth {
+    /// The step.
+    pub name: String,
+    /// Half of the runs take less, ms.
+    pub p50_ms: f64,
+    /// All but one in a hundred take less, ms.
+    pub p99_ms: f64,
+    /// The longest, ms.
+    pub max_ms: f64,
+}

@@ -1,0 +1,43 @@
+//! The state stream: one JSON object per line, over TCP and a Unix socket, to whoever connects.
+//!
+//! ```text
+//!   daemon ─▶ Publisher ─▶ Hub ─▶ a Queue per client ─▶ the client's task ─▶ its socket
+//!                                   ▲ bounded, oldest data dropped       ◀─ its requests
+//!   StreamServer: listeners ─▶ accept ─▶ admitted, or refused with an ERROR
+//! ```
+//!
+//! * [`class`], [`hello`], [`health`], [`cloud`], [`event`]: the lines and what is in them;
+//! * [`frame`]: a line that many clients share; `queue`: what waits for one of them;
+//! * [`request`]: what a client may ask for; `client`: its task;
+//! * [`bind`], `accept`, [`limits`]: where it listens, who comes in, what each may take;
+//! * [`hub`], [`server`]: all clients, and the server as the daemon sees it.
+//!
+//! Whoever publishes never waits: not for a client, not for the network. The protocol for users is `docs/stream.md`.
+
+mod accept;
+pub mod bind;
+pub mod class;
+mod client;
+pub mod cloud;
+pub mod event;
+pub mod frame;
+pub mod health;
+pub mod hello;
+pub mod hub;
+pub mod limits;
+mod queue;
+pub mod request;
+pub mod server;
+
+pub use bind::{DEFAULT_SOCKET, SocketPath, StreamError};
+pub use class::Class;
+pub use cloud::{CLOUD_POINTS, CLOUD_POINTS_MAX, CloudKind, CloudLine, CloudView};
+pub use event::{EventLevel, EventLine};
+pub use frame::Sent;
+pub use health::{
+    HealthLevel, HealthLine, QueueHealth, RecorderHealth, RecorderStatus, ShellHealth, StepHealth, StreamHealth,
+};
+pub use hello::{ErrorLine, Hello, StreamOrigin};
+pub use hub::{ClientTotals, Publisher};
+pub use limits::Limits;
+pub use server::{StreamAddresses, StreamConfig, StreamServer};

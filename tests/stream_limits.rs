@@ -1,0 +1,140 @@
+//! No client costs the others anything, or the daemon more than its bounds.
+
+use std::fs;
+use std::net::{SocketAddr, TcpStream};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use tumbled::stream::{Class, Limits};
+
+use crate::support::stream::{Client, large, marked, server, tcp_address, wait_until};
+
+#[test]
+fn a_client_that_never_reads_delays_nobody_and_is_cut_off() {
+    const LINES: usize = 400; // 200 a second for 2 s
+    let limits = Limits { lag: Duration::from_millis(500), ..Limits::default() };
+    let server = server(limits.clone());
+    let mute = Client::connect(&server);
+    let mut client = Client::connect(&server);
+    let reading = thread::spawn(move || (0..LINES).map(|_| client.next()).collect::<Vec<_>>());
+    let publisher = server.publisher();
+    let started = Instant::now();
+    for mark in 0..LINES {
+        publisher.publish_json(Class::Health, large(Class::Health, mark, 50_000));
+        let waiting = server.clients();
+        // Two clients; the line that made a queue overflow is in it before the oldest goes, but never seen.
+        assert!(waiting.queued_bytes <= 2 * (limits.data_bytes + limits.control_bytes), "{waiting:?}");
+        assert!(waiting.queued_lines <= 2 * (limits.data_lines + limits.control_lines), "{waiting:?}");
+        let due = Duration::from_millis(5) * mark as u32;
+        thread::sleep(due.saturating_sub(started.elapsed()));
+    }
+    for (mark, line) in reading.join().expect("no panic").iter().enumerate() {
+        assert_eq!((&line["mark"], &line["dropped"]), (&json!(mark), &json!(0)));
+    }
+    wait_until("the mute client is cut off", || server.clients().cut_off == 1);
+    drop(mute);
+    wait_until("nobody is left", || server.clients().clients == 0);
+    assert_eq!(server.clients().queued_bytes, 0);
+}
+
+#[test]
+fn a_client_that_lets_events_pile_up_is_cut_off_since_none_may_be_dropped() {
+    let limits = Limits { lag: Duration::from_secs(600), ..Limits::default() };
+    let server = server(limits);
+    let mut client = Client::connect(&server);
+    client.subscribe(&server, &[Class::Event], None);
+    let publisher = server.publisher();
+    let mut published = 0;
+    while server.clients().cut_off == 0 {
+        publisher.publish_json(Class::Event, large(Class::Event, published, 100_000));
+        published += 1;
+        assert!(published < 10_000, "{:?}", server.clients());
+        thread::sleep(Duration::from_millis(1));
+    }
+    // What it did get has no gap.
+    let mut expected = 0;
+    while let Ok(Some(line)) = client.try_text() {
+        let Ok(line) = serde_json::from_str::<serde_json::Value>(&line) else { break }; // cut in the middle of a line
+        assert_eq!((&line["mark"], &line["dropped"]), (&json!(expected), &json!(0)));
+        expected += 1;
+    }
+    assert!(expected > 0 && server.clients().dropped == 0);
+}
+
+#[test]
+fn the_thirty_third_client_is_refused_with_a_reason() {
+    let server = server(Limits::default());
+    let clients: Vec<_> = (0..32).map(|_| Client::connect(&server)).collect();
+    let stream = TcpStream::connect(tcp_address(&server)).expect("connects");
+    let mut line = String::new();
+    let mut reader = std::io::BufReader::new(stream);
+    std::io::BufRead::read_line(&mut reader, &mut line).expect("a line");
+    let error: serde_json::Value = serde_json::from_str(&line).expect("JSON");
+    assert_eq!((&error["class"], &error["code"]), (&json!("ERROR"), &json!("too_many_clients")));
+    assert_eq!(std::io::Read::read(&mut reader, &mut [0]).expect("the end"), 0);
+    assert_eq!((server.clients().clients, server.clients().refused), (32, 1));
+    drop(clients);
+    wait_until("all have left", || server.clients().clients == 0);
+    Client::connect(&server);
+}
+
+#[test]
+fn a_thousand_connects_disturb_nobody_and_leave_nothing_behind() {
+    let server = server(Limits::default());
+    let address = tcp_address(&server);
+    let mut client = Client::connect(&server);
+    assert_eq!(sockets_of(address), 2, "the listener and the client");
+    let storm = thread::spawn(move || {
+        for _ in 0..1_000 {
+            drop(TcpStream::connect(address).expect("connects"));
+            thread::sleep(Duration::from_micros(500));
+        }
+    });
+    let publisher = server.publisher();
+    let mut mark = 0;
+    while !storm.is_finished() {
+        publisher.publish_json(Class::Health, marked(Class::Health, mark));
+        let line = client.next();
+        assert_eq!((&line["mark"], &line["dropped"]), (&json!(mark), &json!(0)));
+        mark += 1;
+    }
+    storm.join().expect("no panic");
+    wait_until("all were answered and only the steady client is left", || {
+        let totals = server.clients();
+        totals.accepted + totals.refused == 1_001 && totals.clients == 1
+    });
+    wait_until("the descriptors are back to what they were", || sockets_of(address) == 2);
+    publisher.publish_json(Class::Health, marked(Class::Health, mark));
+    assert_eq!(client.next()["mark"], json!(mark));
+}
+
+#[test]
+fn a_client_that_says_nothing_is_served_all_the_same() {
+    let server = server(Limits { lag: Duration::from_millis(50), ..Limits::default() });
+    let mut client = Client::connect(&server);
+    // Longer than the lag limit: nothing waits for it, so it does not lag.
+    thread::sleep(Duration::from_millis(200));
+    server.publisher().publish_json(Class::Health, marked(Class::Health, 0));
+    assert_eq!(client.next()["class"], "HEALTH");
+}
+
+/// Sockets of this process that are bound to the server's address: its listener and its clients' connections. Other
+/// tests of the same process do not count.
+fn sockets_of(server: SocketAddr) -> usize {
+    let port = format!(":{:04X}", server.port());
+    let table = fs::read_to_string("/proc/self/net/tcp").expect("the table of TCP sockets");
+    let inodes: Vec<String> = table
+        .lines()
+        .skip(1)
+        .map(|line| line.split_whitespace().collect::<Vec<_>>())
+        .filter(|columns| columns[1].ends_with(&port))
+        .map(|columns| format!("socket:[{}]", columns[9]))
+        .collect();
+    let descriptors = fs::read_dir("/proc/self/fd").expect("descriptors");
+    descriptors
+        .flatten()
+        .filter_map(|descriptor| fs::read_link(descriptor.path()).ok())
+        .filter(|target| inodes.iter().any(|inode| target.as_os_str() == inode.as_str()))
+        .count()
+}
