@@ -224,9 +224,11 @@ fn set_can_name_the_calibration_and_the_id_it_is_for() {
 fn relative_paths_of_a_file_start_at_it() {
     let bench = Workbench::new();
     let file = bench.file("rigs/a.toml", "[[kinect]]\ndepth_table = 'tables/t.csv'\n");
-    let table = bench.file("rigs/tables/t.csv", "");
+    let table = bench.file("rigs/tables/t.csv", "raw11");
     let config = load(Some(&file), &[]).expect("fine").config;
-    assert_eq!(config.kinects[0].depth_table.as_ref(), Some(&table));
+    let read = config.kinects[0].depth_table.as_ref().expect("read");
+    assert_eq!((read.place.as_str(), &read.content[..]), (table.to_str().expect("UTF-8"), &b"raw11"[..]));
+    assert_eq!((read.key.as_str(), read.name.as_str()), ("kinect.near.depth_table", "t.csv"));
     let config = load(Some(&file), &["kinect.depth_table=".to_owned()]).expect("fine").config;
     assert_eq!(config.kinects[0].depth_table, None, "an empty text is not set");
 }

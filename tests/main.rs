@@ -12,6 +12,7 @@ mod golden;
 mod info_cli;
 mod record_cli;
 mod recording_cli;
+mod rig_files;
 mod schemas;
 mod stream_limits;
 mod stream_protocol;

@@ -172,6 +172,10 @@ fn headers(a: &RecordingHeader, b: &RecordingHeader) -> Vec<HeaderDifference> {
         let inputs = header.inputs.iter().map(|input| format!("{} {}", input.name, input.blake3));
         inputs.collect::<Vec<_>>().join(", ")
     };
+    let files = |header: &RecordingHeader| {
+        let files = header.files.iter().map(|attached| format!("{} {}", attached.key, attached.file.blake3));
+        files.collect::<Vec<_>>().join(", ")
+    };
     let zero = |header: &RecordingHeader| header.unix_at_zero.0.to_string();
     let fields = [
         ("session", a.session == b.session, a.session.clone(), b.session.clone()),
@@ -179,7 +183,7 @@ fn headers(a: &RecordingHeader, b: &RecordingHeader) -> Vec<HeaderDifference> {
         ("program", a.program == b.program, a.program.clone(), b.program.clone()),
         ("unix_ns_at_zero", a.unix_at_zero == b.unix_at_zero, zero(a), zero(b)),
         ("config", a.config == b.config, length(&a.config), length(&b.config)),
-        ("calibration", a.calibration == b.calibration, length(&a.calibration), length(&b.calibration)),
+        ("files", a.files == b.files, files(a), files(b)),
         ("inputs", a.inputs == b.inputs, inputs(a), inputs(b)),
     ];
     let different = fields.into_iter().filter(|(_, equal, ..)| !equal);

@@ -14,7 +14,7 @@ use tumbled_io::recording::{
 
 use super::ledger::{self, LedgerReport};
 use super::{Failure, InputArgs, Outcome, VERSION, output};
-use crate::config::show;
+use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
 
 /// What `import` is asked for.
@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     refuse_input_as_output(&args.output, &args.input.inputs)?;
     let loaded = args.input.config.load()?;
     let mut inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config)?;
-    let header = header(&inputs, &args.input.inputs, &show::text(&loaded.tree, false))?;
+    let header = header(&inputs, &args.input.inputs, &loaded)?;
     let mut recorder = create(&args.output, header.clone(), args.force)?;
     let recorded = copy(&mut inputs, &mut recorder);
     let summary = recorder.finish();
@@ -121,32 +121,34 @@ pub(super) fn create_with(path: &Path, header: RecordingHeader, options: Recorde
         RecorderError::Exists { path } => {
             Failure::input(format!("{} is there already", path.display())).with_help("give -o another path, or --force")
         }
-        RecorderError::NoName { .. } => Failure::input(error),
+        RecorderError::NoName { .. } | RecorderError::TooLarge { .. } => Failure::input(error),
         _ => Failure::failed(error),
     })
 }
 
 /// A recording alone keeps what it says of itself; anything else becomes an import.
-fn header(inputs: &Inputs, paths: &[PathBuf], config: &str) -> Result<RecordingHeader, Failure> {
+fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<RecordingHeader, Failure> {
     if let Some(header) = inputs.recording() {
         return Ok(header.clone());
     }
     let digest = |path: &PathBuf| {
         digest_of(path).map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))
     };
-    let files = paths.iter().map(digest).collect::<Result<Vec<_>, _>>()?;
+    let imported = paths.iter().map(digest).collect::<Result<Vec<_>, _>>()?;
+    let (config, files) = (show::text(&loaded.tree, false), loaded.config.attachments());
     let simulated = |origin: Origin| origin == Origin::Simulated;
     let origins = inputs.captures().filter_map(|capture| capture.recording().map(|header| header.origin));
     let origin = if origins.into_iter().any(simulated) { Origin::Simulated } else { Origin::Import };
     let synthetic = |capture: &tumbled_io::capture::Capture| capture.summary().stamp_origin == StampOrigin::Synthetic;
     Ok(RecordingHeader {
-        session: import_session(&files, config),
+        session: import_session(&imported, &config, &files),
         origin,
         program: VERSION.to_owned(),
         unix_at_zero: inputs.epoch().unwrap_or_default(),
         synthetic_times: inputs.captures().any(synthetic),
-        config: config.to_owned(),
-        inputs: files,
+        config,
+        files,
+        inputs: imported,
         ..RecordingHeader::default()
     })
 }

@@ -25,7 +25,7 @@ use tumbled_model::Span;
 
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, VERSION, output, quantity};
-use crate::config::{LidarConfig, RecordConfig, show};
+use crate::config::{LidarConfig, Loaded, RecordConfig, show};
 
 /// How often the end is looked for while nothing arrives.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -155,7 +155,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let end = end_signal()?;
     let clock = SessionClock::start_on_system();
-    let header = header(&clock, &show::text(&loaded.tree, false));
+    let header = header(&clock, &loaded);
     let options = args.recorder.options(&config.record);
     let mut recorder = super::import::create_with(&args.output, header.clone(), options)?;
     let stop = StopToken::new().map_err(Failure::failed)?;
@@ -182,7 +182,7 @@ fn end_signal() -> Result<Arc<AtomicBool>, Failure> {
     Ok(end)
 }
 
-fn header(clock: &SessionClock, config: &str) -> RecordingHeader {
+fn header(clock: &SessionClock, loaded: &Loaded) -> RecordingHeader {
     let now = clock.now();
     let unix_at_zero = now.wall - Span(now.rig.0);
     RecordingHeader {
@@ -190,7 +190,8 @@ fn header(clock: &SessionClock, config: &str) -> RecordingHeader {
         origin: Origin::Live,
         program: VERSION.to_owned(),
         unix_at_zero,
-        config: config.to_owned(),
+        config: show::text(&loaded.tree, false),
+        files: loaded.config.attachments(),
         ..RecordingHeader::default()
     }
 }

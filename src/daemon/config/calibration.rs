@@ -15,8 +15,9 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::files::{FileFault, FileShelf, RigFile};
 use super::names::check_names;
-use super::origin::{Origin, SourceText};
+use super::origin::{Layer, Origin, SourceText};
 use super::problem::Problem;
 use super::shape::Shape;
 use super::tree::{Entry, Node, Step, Value};
@@ -98,26 +99,53 @@ pub struct CalibratedIntrinsics {
     pub k3: f64,
 }
 
-/// Reads the calibration file `rig.calibration` names and lays it over the config.
+/// Reads the calibration file `rig.calibration` names and lays it over the config; gives the file back.
 ///
-/// `root` has its defaults filled in, so that every sensor has its id.
-pub fn apply_calibration(root: &mut Node, problems: &mut Vec<Problem>) {
+/// `root` has its defaults filled in, so that every sensor has its id. A recorded config has had its calibration laid
+/// over it before it was recorded, and then `--set`: laying it over once more would undo that, so its file is only kept.
+pub(super) fn apply_calibration(
+    root: &mut Node,
+    shelf: &mut FileShelf,
+    problems: &mut Vec<Problem>,
+) -> Option<RigFile> {
+    const KEY: &str = "rig.calibration";
     let named_by = [Step::Key("rig".to_owned()), Step::Key("calibration".to_owned())];
-    let Some(name) = root.text_at(&named_by).filter(|name| !name.is_empty()) else { return };
+    let name = root.text_at(&named_by).filter(|name| !name.is_empty())?;
     let origin = root.origin_at(&named_by).clone();
-    let path = origin.directory().join(name);
-    let source = match super::layers::read_source(super::Layer::Calibration, &path) {
-        Ok(source) => source,
-        Err(reason) => {
-            let message = format!("the calibration file cannot be read: {reason}");
-            let help = "correct the path (a relative one starts at the file it stands in), or leave `calibration` out \
-                        to use the transforms, offsets and intrinsics of the config";
-            problems.push(Problem::error(&origin, Some("rig.calibration".to_owned()), message).with_help(help));
-            return;
+    shelf.note(name, &origin);
+    let found = shelf.take(KEY, name, &origin);
+    if origin.layer() == Layer::Recorded {
+        return found.ok();
+    }
+    let unusable = |reason: String| {
+        let message = format!("the calibration file cannot be read: {reason}");
+        let help = "correct the path (a relative one starts at the file it stands in), or leave `calibration` out \
+                    to use the transforms, offsets and intrinsics of the config";
+        Problem::error(&origin, Some(KEY.to_owned()), message).with_help(help)
+    };
+    let file = match found {
+        Ok(file) => file,
+        Err(FileFault::Absent(reason) | FileFault::Unreadable(reason)) => {
+            problems.push(unusable(reason));
+            return None;
         }
     };
+    let text = match file.text() {
+        Ok(text) => text.to_owned(),
+        Err(fault) => {
+            problems.push(unusable(format!("{}: {fault}", file.place)));
+            return None;
+        }
+    };
+    let source = SourceText::file(Layer::Calibration, &origin.directory().join(name), text);
+    lay_over(root, &source, problems);
+    Some(file)
+}
+
+/// Lays what a calibration says over the config.
+fn lay_over(root: &mut Node, source: &std::sync::Arc<SourceText>, problems: &mut Vec<Problem>) {
     let read_before = problems.len();
-    let mut calibration = Node::parse(&source, problems);
+    let mut calibration = Node::parse(source, problems);
     if problems.len() > read_before {
         return;
     }
@@ -129,7 +157,7 @@ pub fn apply_calibration(root: &mut Node, problems: &mut Vec<Problem>) {
             continue;
         };
         for sensor in sensors {
-            apply_sensor(root, section, sensor, &source, problems);
+            apply_sensor(root, section, sensor, source, problems);
         }
     }
 }

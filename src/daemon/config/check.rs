@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use tumbled_model::{Frame, Iso, Point, Rig, Span};
 
+use super::files::{FileFault, FileShelf, RigFile};
 use super::layers::keys;
-use super::origin::Origin;
+use super::origin::{Layer, Origin};
 use super::problem::Problem;
 use super::raw::{LidarModel, RawConfig, RawKinect, RawLidar, RawPointOfInterest, RawTransform, RawTurntable};
 use super::tree::{Node, Step, display_path, element_path};
@@ -17,8 +18,14 @@ use super::{Config, KinectConfig, LidarConfig, PointOfInterest, TargetConfig, Tu
 /// `tree` is what `raw` was read from, for the places; `faulty` the paths where something was taken out of it. `None`
 /// only if a value could not be typed, with the reason among the problems; a config that breaks a rule between keys
 /// is typed all the same, and the error keeps it from use.
-pub fn check_rules(raw: RawConfig, tree: &Node, faulty: &[Vec<Step>], problems: &mut Vec<Problem>) -> Option<Config> {
-    let mut rules = Rules { tree, faulty, problems };
+pub(super) fn check_rules(
+    raw: RawConfig,
+    tree: &Node,
+    faulty: &[Vec<Step>],
+    shelf: &mut FileShelf,
+    problems: &mut Vec<Problem>,
+) -> Option<Config> {
+    let mut rules = Rules { tree, faulty, shelf, problems };
     rules.not_empty(&keys(&["rig", "name"]), &raw.rig.name, "name the rig, e.g. name = \"lab-2\"");
     rules.ids(&raw);
     super::check_sensors::ports(&mut rules, &raw.lidar);
@@ -33,6 +40,7 @@ pub fn check_rules(raw: RawConfig, tree: &Node, faulty: &[Vec<Step>], problems: 
     let [x, y, z] = raw.target.roi_center_m;
     Some(Config {
         name: raw.rig.name,
+        calibration: None,
         lidars: lidars.into_iter().collect::<Option<_>>()?,
         kinects: kinects.into_iter().collect::<Option<_>>()?,
         turntable,
@@ -53,6 +61,7 @@ fn typed_point(raw: RawPointOfInterest) -> PointOfInterest {
 pub(super) struct Rules<'a> {
     tree: &'a Node,
     faulty: &'a [Vec<Step>],
+    shelf: &'a mut FileShelf,
     problems: &'a mut Vec<Problem>,
 }
 
@@ -129,8 +138,7 @@ impl Rules<'_> {
             let message = format!("range_min_m = {nearest} is not below range_max_m = {farthest}");
             self.broken(&at("range_min_m"), message, "no point could pass: exchange or widen the two");
         }
-        let calibration = self.path(&at("calibration"), raw.calibration.as_deref());
-        self.hdl64e_calibration(&at("calibration"), raw.model, calibration.as_ref());
+        let calibration = self.hdl64e_calibration(&at("calibration"), raw.model, raw.calibration.as_deref());
         Some(LidarConfig {
             id: raw.id.into(),
             model: raw.model,
@@ -148,29 +156,30 @@ impl Rules<'_> {
     }
 
     /// The file is needed by an HDL-64E only, so only there its absence is an error.
-    fn hdl64e_calibration(&mut self, path: &[Step], model: LidarModel, calibration: Option<&PathBuf>) {
-        let Some(file) = calibration else { return };
-        match model {
-            LidarModel::Hdl64e => self.readable(path, file),
-            LidarModel::Auto if !file.is_file() => {
-                let message = format!("the calibration file {} {}", file.display(), why_no_file(file));
+    fn hdl64e_calibration(&mut self, path: &[Step], model: LidarModel, text: Option<&str>) -> Option<RigFile> {
+        let text = text.filter(|text| !text.is_empty())?;
+        if !matches!(model, LidarModel::Hdl64e | LidarModel::Auto) {
+            self.shelf.note(text, self.tree.origin_at(path));
+            let message = "the calibration file is not used: the model is not hdl-64e".to_owned();
+            self.warn(path, message, "leave `calibration` out, or set model = \"hdl-64e\" or \"auto\"");
+            return None;
+        }
+        match self.file(path, text) {
+            Err(FileFault::Absent(message)) if model == LidarModel::Auto => {
                 self.warn(path, message, "only an HDL-64E needs it: correct the path, or leave the key out");
+                None
             }
-            LidarModel::Auto => {}
-            _ => {
-                let message = "the calibration file is not used: the model is not hdl-64e".to_owned();
-                self.warn(path, message, "leave `calibration` out, or set model = \"hdl-64e\" or \"auto\"");
-            }
+            found => self.needed(path, found),
         }
     }
 
     fn kinect(&mut self, index: usize, raw: RawKinect) -> Option<KinectConfig> {
         let at = |key: &str| element_path("kinect", index, &[key]);
         let t_rig_kinect = self.transform(&at("t_rig_kinect"), &raw.t_rig_kinect);
-        let depth_table = self.path(&at("depth_table"), raw.depth_table.as_deref());
-        if let Some(file) = &depth_table {
-            self.readable(&at("depth_table"), file);
-        }
+        let depth_table = raw.depth_table.as_deref().filter(|text| !text.is_empty()).and_then(|text| {
+            let found = self.file(&at("depth_table"), text);
+            self.needed(&at("depth_table"), found)
+        });
         Some(KinectConfig {
             id: raw.id.into(),
             serial: Some(raw.serial).filter(|serial| !serial.is_empty()),
@@ -219,27 +228,30 @@ impl Rules<'_> {
         Some(self.tree.origin_at(path).directory().join(text))
     }
 
-    fn readable(&mut self, path: &[Step], file: &std::path::Path) {
-        if !file.is_file() {
-            let help = match self.tree.origin_at(path) {
-                Origin::Text { source, .. } if !source.directory.as_os_str().is_empty() => {
-                    format!("correct the path: a relative one starts at {}", source.directory.display())
-                }
-                _ => "correct the path".to_owned(),
-            };
-            self.broken(path, format!("the file {} {}", file.display(), why_no_file(file)), help);
-        }
+    /// The file that the key at a path names as `text`.
+    fn file(&mut self, path: &[Step], text: &str) -> Result<RigFile, FileFault> {
+        let origin = self.tree.origin_at(path);
+        self.shelf.note(text, origin);
+        self.shelf.take(&display_path(self.tree, path), text, origin)
     }
-}
 
-/// What is wrong with a path that leads to no file.
-fn why_no_file(path: &std::path::Path) -> &'static str {
-    if path.is_dir() {
-        "is a folder"
-    } else if path.exists() {
-        "is no regular file"
-    } else {
-        "is not there"
+    /// A file without which the config cannot be used; `None`: it is not to be had, reported.
+    fn needed(&mut self, path: &[Step], found: Result<RigFile, FileFault>) -> Option<RigFile> {
+        let (FileFault::Absent(message) | FileFault::Unreadable(message)) = match found {
+            Ok(file) => return Some(file),
+            Err(fault) => fault,
+        };
+        let help = match self.tree.origin_at(path) {
+            Origin::Text { source, .. } if source.layer == Layer::Recorded => {
+                format!("name the file: --set {}=FILE", display_path(self.tree, path))
+            }
+            Origin::Text { source, .. } if !source.directory.as_os_str().is_empty() => {
+                format!("correct the path: a relative one starts at {}", source.directory.display())
+            }
+            _ => "correct the path".to_owned(),
+        };
+        self.broken(path, message, help);
+        None
     }
 }
 

@@ -3,7 +3,8 @@
 //! ```text
 //!   built-in defaults → file → calibration file → --set ──▶ names and types ──▶ rules ──▶ Config
 //! ```
-//! No environment variable and no second file takes part.
+//! In the file's place may stand the config a recording was made with. No environment variable and no second file takes
+//! part.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,6 +13,7 @@ use miette::Diagnostic;
 
 use super::calibration::apply_calibration;
 use super::check::check_rules;
+use super::files::{FileShelf, Recorded};
 use super::names::check_names;
 use super::origin::{Layer, Origin, SourceText};
 use super::problem::{Gravity, Problem};
@@ -19,17 +21,24 @@ use super::raw::RawConfig;
 use super::set::Setting;
 use super::shape::Shape;
 use super::tree::{Node, Step};
-use super::{Config, Loaded};
+use super::{Config, ConfigSource, Loaded};
 
 /// A config that cannot be used: every problem found, in reading order, warnings among them.
 #[derive(Debug, thiserror::Error, Diagnostic)]
-#[error("{count} in {name}", count = count_errors(.problems), name = .name)]
+#[error("{count} in {name}{remedy}", count = count_errors(.problems), remedy = said(*.remedy))]
 pub struct ConfigError {
     /// The config's file, or what stands in for one.
     pub name: String,
     /// The problems; at least one is an error.
     #[related]
     pub problems: Vec<Problem>,
+    /// What to do about all of them at once, if there is such a thing.
+    pub remedy: Option<&'static str>,
+}
+
+/// A remedy behind a sentence.
+fn said(remedy: Option<&str>) -> String {
+    remedy.map_or_else(String::new, |remedy| format!(": {remedy}"))
 }
 
 /// `1 error`, `3 errors`.
@@ -45,17 +54,63 @@ fn count_errors(problems: &[Problem]) -> String {
 /// # Errors
 /// Every problem of every layer. A file that is not TOML is not looked at further.
 pub fn load(file: Option<&Path>, settings: &[String]) -> Result<Loaded, ConfigError> {
-    let base = file.map_or_else(|| "the built-in config".to_owned(), |path| path.display().to_string());
-    let name = if settings.is_empty() { base } else { format!("{base} with --set") };
+    let name = file.map_or_else(|| "the built-in config".to_owned(), |path| path.display().to_string());
+    let source = file.map_or(ConfigSource::Default, |path| ConfigSource::File(path.to_owned()));
     let mut problems = Vec::new();
     let root = read_file(file, &mut problems);
-    let loaded = if problems.is_empty() { layer_and_check(root, settings, &mut problems) } else { None };
+    finish(Base { name, source, root, problems, shelf: FileShelf::default() }, settings)
+}
+
+/// Loads the config a recording was made with, and the `--set` arguments on top. Files it names are taken from the
+/// recording; its paths are not looked for on this machine. A recording without a config: the built-in one.
+///
+/// # Errors
+/// As [`load`], and when the recording's copy of its config is damaged.
+pub fn load_recorded(recorded: Recorded, settings: &[String]) -> Result<Loaded, ConfigError> {
+    let (path, header) = (&recorded.path, &recorded.header);
+    if header.config.is_empty() && !header.config_damaged {
+        return load(None, settings);
+    }
+    let name = format!("the config recorded in {}", path.display());
+    let source = ConfigSource::Recorded(path.clone());
+    let mut problems = Vec::new();
+    let root = if header.config_damaged {
+        let message = format!("{name} is damaged");
+        problems.push(Problem::error(&Origin::Default, None, message).with_help(OTHER_CONFIG));
+        Node::empty()
+    } else {
+        Node::parse(&SourceText::recorded(path, header.config.clone()), &mut problems)
+    };
+    let shelf = FileShelf { recorded: Some(recorded), ..FileShelf::default() };
+    finish(Base { name, source, root, problems, shelf }, settings)
+}
+
+/// What to do about a recorded config that cannot be used.
+const OTHER_CONFIG: &str = "give --config FILE with a config for this recording";
+
+/// The layer all others go on, as it was read.
+struct Base {
+    name: String,
+    source: ConfigSource,
+    root: Node,
+    problems: Vec<Problem>,
+    shelf: FileShelf,
+}
+
+fn finish(base: Base, settings: &[String]) -> Result<Loaded, ConfigError> {
+    let Base { name, source, root, mut problems, mut shelf } = base;
+    let loaded = if problems.is_empty() { layer_and_check(root, settings, &mut shelf, &mut problems) } else { None };
     problems.sort_by_key(Problem::reading_order);
     match loaded {
         Some((config, tree)) if problems.iter().all(|problem| problem.gravity == Gravity::Warning) => {
-            Ok(Loaded { config, tree, warnings: problems })
+            Ok(Loaded { config, tree, warnings: problems, source, paths: shelf.paths })
         }
-        _ => Err(ConfigError { name, problems }),
+        _ => {
+            let of_the_recording = |problem: &Problem| problem.origin.layer() == Layer::Recorded;
+            let remedy = problems.iter().any(of_the_recording).then_some(OTHER_CONFIG);
+            let name = if settings.is_empty() { name } else { format!("{name} with --set") };
+            Err(ConfigError { name, problems, remedy })
+        }
     }
 }
 
@@ -73,7 +128,12 @@ fn read_file(file: Option<&Path>, problems: &mut Vec<Problem>) -> Node {
 }
 
 /// The upper layers and the checks. `None` only with at least one error in `problems`.
-fn layer_and_check(mut root: Node, settings: &[String], problems: &mut Vec<Problem>) -> Option<(Config, Node)> {
+fn layer_and_check(
+    mut root: Node,
+    settings: &[String],
+    shelf: &mut FileShelf,
+    problems: &mut Vec<Problem>,
+) -> Option<(Config, Node)> {
     let shape = Shape::of(&schemars::schema_for!(RawConfig));
     root.fill_defaults(&shape);
 
@@ -87,7 +147,7 @@ fn layer_and_check(mut root: Node, settings: &[String], problems: &mut Vec<Probl
     // The calibration file's name and the ids it refers to may themselves be set: these go before it.
     let (early, late): (Vec<Setting>, Vec<Setting>) = parsed.into_iter().partition(Setting::precedes_calibration);
     early.iter().for_each(|setting| apply_setting(setting, &mut root, &shape, problems));
-    apply_calibration(&mut root, problems);
+    let calibration = apply_calibration(&mut root, shelf, problems);
     late.iter().for_each(|setting| apply_setting(setting, &mut root, &shape, problems));
     root.fill_defaults(&shape);
 
@@ -96,8 +156,8 @@ fn layer_and_check(mut root: Node, settings: &[String], problems: &mut Vec<Probl
     let faulty = take_out_faulty(&mut root, &shape, findings.faulty);
     match serde_path_to_error::deserialize::<_, RawConfig>(root.to_json()) {
         Ok(raw) => {
-            let config = check_rules(raw, &root, &faulty, problems);
-            Some((config?, root))
+            let config = check_rules(raw, &root, &faulty, shelf, problems)?;
+            Some((Config { calibration, ..config }, root))
         }
         Err(error) => {
             let message = format!("`{}` cannot be read: {}", error.path(), error.inner());
@@ -179,7 +239,11 @@ mod tests {
         let mut problems = Vec::new();
         let source = SourceText::file(Layer::File, Path::new("rig.toml"), text.to_owned());
         let root = Node::parse(&source, &mut problems);
-        let loaded = if problems.is_empty() { layer_and_check(root, settings, &mut problems) } else { None };
+        let loaded = if problems.is_empty() {
+            layer_and_check(root, settings, &mut FileShelf::default(), &mut problems)
+        } else {
+            None
+        };
         (loaded.map(|(config, _)| config), problems)
     }
 

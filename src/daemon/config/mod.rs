@@ -3,6 +3,7 @@
 //! * [`raw`], [`raw_session`]: the keys as they stand in the file, and [`calibration`]: those of the calibration file;
 //! * [`origin`], [`problem`]: where a value was written, and what is wrong with it;
 //! * [`tree`], [`shape`], [`names`]: the file as a tree, the schema it is held against, and the walk that does so;
+//! * [`files`]: the files it names, with what is in them;
 //! * [`set`], [`layers`]: `--set`, and the layers put together by [`load`];
 //! * [`check`]: the rules beyond names and types, which make a [`Config`] and its [`session`];
 //! * [`show`]: the effective config with its origins.
@@ -18,6 +19,7 @@ pub mod calibration;
 pub mod check;
 mod check_sensors;
 mod check_session;
+pub mod files;
 pub mod layers;
 pub mod names;
 pub mod origin;
@@ -31,7 +33,8 @@ pub mod show;
 pub mod suggest;
 pub mod tree;
 
-pub use layers::{ConfigError, load};
+pub use files::{Recorded, RigFile};
+pub use layers::{ConfigError, load, load_recorded};
 pub use origin::Layer;
 pub use problem::{Gravity, Problem, ProblemReport};
 pub use raw::{Hdl32eStamp, Intrinsics, LidarModel, Switch, TurntableProtocol};
@@ -50,6 +53,21 @@ pub struct Loaded {
     pub tree: tree::Node,
     /// What its author may want to know; no errors among them.
     pub warnings: Vec<Problem>,
+    /// Where it comes from.
+    pub source: ConfigSource,
+    /// Every path on this machine that it names, used or not: nothing is to be written over them.
+    pub paths: Vec<PathBuf>,
+}
+
+/// Where a config comes from; `--set` goes on top of each.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ConfigSource {
+    /// Built in.
+    Default,
+    /// A file.
+    File(PathBuf),
+    /// The recording that is read: the config it was recorded with.
+    Recorded(PathBuf),
 }
 
 /// A rig, checked.
@@ -57,6 +75,8 @@ pub struct Loaded {
 pub struct Config {
     /// The rig's name, for people; not empty.
     pub name: String,
+    /// The calibration file that was laid over it; what it says stands in the sensors already.
+    pub calibration: Option<RigFile>,
     /// The LiDARs; ids unique over all sensors.
     pub lidars: Vec<LidarConfig>,
     /// The Kinects; ids unique over all sensors.
@@ -90,8 +110,8 @@ pub struct LidarConfig {
     pub source: Option<IpAddr>,
     /// Whether the heights at which the beams leave the sensor are applied.
     pub vertical_offsets: Switch,
-    /// HDL-64E: the file of the per-laser calibration. May not exist unless the model is HDL-64E.
-    pub calibration: Option<PathBuf>,
+    /// HDL-64E: the per-laser calibration. `None` where the model is another one, or `Auto` and the file was not there.
+    pub calibration: Option<RigFile>,
     /// Mounting.
     pub t_rig_lidar: Iso<Rig, Lidar>,
     /// How late the stamps are: measurement time = mapped stamp - offset. Within an hour.
@@ -117,8 +137,8 @@ pub struct KinectConfig {
     pub t_rig_kinect: Iso<Rig, Kinect>,
     /// How late the stamps are: measurement time = mapped stamp - offset. Within an hour.
     pub time_offset: Span,
-    /// The file of the camera's own depth law; it existed when the config was loaded. `None`: the factory law.
-    pub depth_table: Option<PathBuf>,
+    /// The camera's own depth law; `None`: the factory law.
+    pub depth_table: Option<RigFile>,
 }
 
 /// The turntable.

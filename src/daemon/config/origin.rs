@@ -13,6 +13,8 @@ use serde::{Deserialize, Serialize};
 pub enum Layer {
     /// Built in.
     Default,
+    /// The config that is attached to the recording that is read.
+    Recorded,
     /// The config file.
     File,
     /// The calibration file that `rig.calibration` names.
@@ -39,6 +41,12 @@ impl SourceText {
     pub fn file(layer: Layer, path: &Path, text: String) -> Arc<Self> {
         let directory = path.parent().map(Path::to_path_buf).unwrap_or_default();
         Arc::new(Self { layer, name: path.display().to_string(), text, directory })
+    }
+
+    /// The config attached to a recording. Its paths are those of another machine: they start nowhere on this one.
+    pub fn recorded(recording: &Path, text: String) -> Arc<Self> {
+        let name = format!("{}: its config", recording.display());
+        Arc::new(Self { layer: Layer::Recorded, name, text, directory: PathBuf::new() })
     }
 
     /// One `--set` argument.

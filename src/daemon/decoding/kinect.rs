@@ -38,16 +38,16 @@ pub struct Frame<'a> {
 }
 
 impl KinectDecoder {
-    /// A decoder as the config wants it; a per-device depth table is read here.
+    /// A decoder as the config wants it.
     ///
     /// # Errors
     /// A table or intrinsics that cannot be used: exit code 2.
     pub fn new(kinect: &KinectConfig) -> Result<Self, Failure> {
         let table = match &kinect.depth_table {
             None => DepthTable::from_law(&ZeroPlane::default()),
-            Some(path) => {
-                let problem = |error: String| Failure::input(format!("the depth table {}: {error}", path.display()));
-                let text = std::fs::read_to_string(path).map_err(|error| problem(error.to_string()))?;
+            Some(file) => {
+                let problem = |error: String| Failure::input(format!("the depth table {}: {error}", file.place));
+                let text = file.text().map_err(|error| problem(error.to_string()))?;
                 text.parse().map_err(|error: tumbled_kinect::TableCsvError| problem(error.to_string()))?
             }
         };

@@ -7,10 +7,10 @@ use tumbled_velodyne::stream::{Settings, StampReference};
 use crate::cli::Failure;
 use crate::config::{Hdl32eStamp, LidarConfig, LidarModel, Switch};
 
-/// The decoder's settings; the HDL-64E calibration file is read here. No range limits: these are the pipeline's.
+/// The decoder's settings. No range limits: these are the pipeline's.
 ///
 /// # Errors
-/// A calibration file that cannot be read or understood: exit code 2.
+/// An HDL-64E calibration that cannot be understood: exit code 2.
 pub fn settings(lidar: &LidarConfig) -> Result<Settings, Failure> {
     Ok(Settings {
         model: forced_model(lidar.model),
@@ -39,16 +39,9 @@ fn forced_model(model: LidarModel) -> Option<Model> {
     }
 }
 
-/// Reads the calibration file. The config check has warned of one that is not there, or is no file, where it may not be
-/// needed.
 fn hdl64e_calibration(lidar: &LidarConfig) -> Result<Option<Calibration>, Failure> {
-    let Some(path) = lidar.calibration.as_ref().filter(|path| path.exists()) else { return Ok(None) };
-    if !matches!(lidar.model, LidarModel::Auto | LidarModel::Hdl64e) {
-        return Ok(None);
-    }
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::input(format!("cannot read the calibration {}: {error}", path.display())))?;
-    let calibration = Calibration::parse(&text)
-        .map_err(|error| Failure::input(format!("the calibration {}: {error}", path.display())))?;
-    Ok(Some(calibration))
+    let Some(file) = &lidar.calibration else { return Ok(None) };
+    let problem = |error: String| Failure::input(format!("the calibration {}: {error}", file.place));
+    let text = file.text().map_err(|error| problem(error.to_string()))?;
+    Calibration::parse(text).map(Some).map_err(|error| problem(error.to_string()))
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::Args;
 use crate::cli::Failure;
-use crate::config::Config;
+use crate::config::Loaded;
 
 /// As many links in a row as Linux follows.
 const MAX_LINKS: usize = 40;
@@ -20,11 +20,8 @@ pub(super) struct Protected {
 
 impl Protected {
     /// The inputs, the config and the files it names.
-    pub(super) fn new(args: &Args, config: &Config) -> Self {
-        let inputs = args.input.inputs.iter();
-        let calibrations = config.lidars.iter().filter_map(|lidar| lidar.calibration.as_ref());
-        let tables = config.kinects.iter().filter_map(|kinect| kinect.depth_table.as_ref());
-        let all = inputs.chain(&args.input.config.config).chain(calibrations).chain(tables);
+    pub(super) fn new(args: &Args, loaded: &Loaded) -> Self {
+        let all = args.input.inputs.iter().chain(&args.input.config.config).chain(&loaded.paths);
         let mut paths = Vec::new();
         // What is not there cannot be harmed; whoever reads it reports it.
         for path in all.filter_map(|path| path.canonicalize().ok()) {

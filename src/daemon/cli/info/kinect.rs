@@ -58,7 +58,7 @@ impl Steps {
 }
 
 impl KinectWatch {
-    /// Nothing seen yet; a depth table is read here.
+    /// Nothing seen yet.
     pub(super) fn new(kinect: &KinectConfig) -> Result<Self, Failure> {
         Ok(Self {
             decoder: KinectDecoder::new(kinect)?,

@@ -51,7 +51,7 @@ pub(super) struct LidarWatch {
 }
 
 impl LidarWatch {
-    /// Nothing seen yet; an HDL-64E calibration file is read here.
+    /// Nothing seen yet.
     pub(super) fn new(lidar: &LidarConfig) -> Result<Self, Failure> {
         let settings = decoding::lidar::settings(lidar)?;
         Ok(Self {

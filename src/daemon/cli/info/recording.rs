@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tumbled_io::recording::RecordingInfo;
+use tumbled_io::recording::{AttachedFile, RecordingInfo};
 
 use crate::cli::ledger::{self, LedgerReport, PartReport};
 
@@ -20,6 +20,8 @@ pub struct RecordingReport {
     pub unix_ns_at_zero: String,
     /// The files it was imported from.
     pub inputs: Vec<ImportedFile>,
+    /// The files of the rig it carries.
+    pub files: Vec<CarriedFile>,
     /// Operator, notes and the like.
     pub notes: std::collections::BTreeMap<String, String>,
     /// What it holds.
@@ -46,6 +48,22 @@ pub struct ImportedFile {
     pub blake3: String,
 }
 
+/// A file the recording's config names, carried in it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CarriedFile {
+    /// What the config calls it, e.g. `lidar.front.calibration`.
+    pub key: String,
+    /// Its name without folders.
+    pub name: String,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// BLAKE3 of its content, hexadecimal.
+    pub blake3: String,
+    /// The recording's copy is whole.
+    pub whole: bool,
+}
+
 impl From<&RecordingInfo> for RecordingReport {
     fn from(info: &RecordingInfo) -> Self {
         let header = &info.header;
@@ -60,6 +78,7 @@ impl From<&RecordingInfo> for RecordingReport {
             program: header.program.clone(),
             unix_ns_at_zero: header.unix_at_zero.0.to_string(),
             inputs: inputs.collect(),
+            files: header.files.iter().map(carried).collect(),
             notes: header.notes.clone(),
             ledger: (&info.counters).into(),
             parts: ledger::parts(info),
@@ -68,6 +87,12 @@ impl From<&RecordingInfo> for RecordingReport {
             warnings: info.warnings(),
         }
     }
+}
+
+fn carried(attached: &AttachedFile) -> CarriedFile {
+    let (key, file) = (attached.key.clone(), &attached.file);
+    let whole = attached.content.is_some();
+    CarriedFile { key, name: file.name.clone(), bytes: file.bytes, blake3: file.blake3.clone(), whole }
 }
 
 /// Labels and values for people.
@@ -80,6 +105,9 @@ pub(super) fn lines(report: &RecordingReport) -> Vec<(&'static str, String)> {
     };
     let file = |input: &ImportedFile| format!("{}, {} bytes, blake3 {:.16}…", input.name, input.bytes, input.blake3);
     labelled("imported from", &mut report.inputs.iter().map(file));
+    let carried =
+        |file: &CarriedFile| format!("{}: {}, {} bytes, blake3 {:.16}…", file.key, file.name, file.bytes, file.blake3);
+    labelled("carries", &mut report.files.iter().map(carried));
     labelled("notes", &mut report.notes.iter().map(|(key, value)| format!("{key}: {value}")));
     labelled("channels", &mut ledger::table(&report.ledger).into_iter());
     let part = |part: &PartReport| {

@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::Path;
 
+use super::attached::AttachedFile;
 use super::header::InputFile;
 
 /// The name, size and digest of a file; of a folder, of the files in it.
@@ -37,13 +38,16 @@ pub fn digest_of(path: &Path) -> io::Result<InputFile> {
     Ok(InputFile { name, bytes, blake3: hasher.finalize().to_hex().to_string() })
 }
 
-/// The session id of an import: the same inputs read with the same config are the same session.
-pub fn import_session(inputs: &[InputFile], config: &str) -> String {
+/// The session id of an import: the same inputs read with the same config and the same files are the same session.
+pub fn import_session(inputs: &[InputFile], config: &str, files: &[AttachedFile]) -> String {
     let mut hasher = blake3::Hasher::new();
     for input in inputs {
         hasher.update(input.blake3.as_bytes());
     }
     hasher.update(config.as_bytes());
+    for attached in files {
+        hasher.update(attached.file.blake3.as_bytes());
+    }
     let digest = hasher.finalize().to_hex();
     format!("import-{}", digest.get(..24).unwrap_or_default())
 }

@@ -22,6 +22,16 @@ pub enum RecorderError {
         /// The path.
         path: PathBuf,
     },
+    /// More is to be attached than is read back.
+    #[error("{found} {what}: a recording takes {most} at most")]
+    TooLarge {
+        /// Of what.
+        what: String,
+        /// How many.
+        found: usize,
+        /// How many there may be.
+        most: usize,
+    },
     /// The first part cannot be written.
     #[error("cannot begin the recording: {0}")]
     Begin(StopReason),

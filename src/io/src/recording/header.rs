@@ -4,6 +4,9 @@ use core::fmt;
 use std::collections::BTreeMap;
 use tumbled_model::UnixNs;
 
+use super::attached::{AttachedFile, MAX_FILES};
+use super::layout::MAX_CONFIG_BYTES;
+
 /// Version of the format of [`super::layout`] and of the metadata records.
 pub const FORMAT_VERSION: u32 = 1;
 
@@ -16,8 +19,11 @@ pub(crate) const START_RECORD: &str = "tumbled";
 pub(crate) const END_RECORD: &str = "tumbled.end";
 /// Name of the attachment with the effective config, TOML.
 pub(crate) const CONFIG_ATTACHMENT: &str = "config.toml";
-/// Name of the attachment with the calibration, TOML.
-pub(crate) const CALIBRATION_ATTACHMENT: &str = "calibration.toml";
+
+/// The start record's key for the config's digest.
+const CONFIG_DIGEST: &str = "config.blake3";
+/// In place of the digest: the config was damaged already when this copy was made.
+const DAMAGED: &str = "damaged";
 
 /// Where the events of a recording come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -76,10 +82,12 @@ pub struct RecordingHeader {
     pub unix_at_zero: UnixNs,
     /// The times are made up (frames numbered at 30 Hz): they have no relation to any clock.
     pub synthetic_times: bool,
-    /// The effective config, TOML; empty: none attached.
+    /// The effective config, TOML, calibration applied; empty: none attached.
     pub config: String,
-    /// The calibration, TOML; empty: none attached.
-    pub calibration: String,
+    /// A config was attached and this copy of it is damaged; `config` is empty then.
+    pub config_damaged: bool,
+    /// The files the config names, as they were.
+    pub files: Vec<AttachedFile>,
     /// Files it was imported from.
     pub inputs: Vec<InputFile>,
     /// Anything else worth knowing later: operator, sensor serial numbers, a note.
@@ -98,11 +106,18 @@ impl RecordingHeader {
         put("unix_ns_at_zero", self.unix_at_zero.0.to_string());
         put("times", if self.synthetic_times { "synthetic" } else { "host" }.to_owned());
         put("part", part.to_string());
+        if self.config_damaged {
+            put(CONFIG_DIGEST, DAMAGED.to_owned());
+        } else if !self.config.is_empty() {
+            put(CONFIG_DIGEST, blake3::hash(self.config.as_bytes()).to_hex().to_string());
+        }
         for (n, input) in self.inputs.iter().enumerate() {
             // Six digits, so that the map's order is the inputs'.
-            put(&format!("input.{n:06}.name"), input.name.clone());
-            put(&format!("input.{n:06}.bytes"), input.bytes.to_string());
-            put(&format!("input.{n:06}.blake3"), input.blake3.clone());
+            put_file(&mut put, &format!("input.{n:06}"), input);
+        }
+        for (n, attached) in self.files.iter().enumerate() {
+            put(&format!("file.{n:06}.key"), attached.key.clone());
+            put_file(&mut put, &format!("file.{n:06}"), &attached.file);
         }
         for (key, value) in &self.notes {
             put(&format!("note.{key}"), value.clone());
@@ -110,7 +125,7 @@ impl RecordingHeader {
         map
     }
 
-    /// The header and the number of the part; the texts come from the attachments.
+    /// The header and the number of the part; the config's text and the files come from the attachments.
     pub(crate) fn from_metadata(map: &BTreeMap<String, String>) -> Result<(Self, u32), HeaderFault> {
         let text = |key: &'static str| map.get(key).ok_or(HeaderFault::Missing { key });
         let number = |key: &'static str| {
@@ -135,27 +150,53 @@ impl RecordingHeader {
             unix_at_zero: UnixNs(number("unix_ns_at_zero")?),
             synthetic_times: map.get("times").is_some_and(|times| times == "synthetic"),
             config: String::new(),
-            calibration: String::new(),
-            inputs: inputs(map),
+            // Until its attachment is found: [`RecordingHeader::take_config`].
+            config_damaged: map.contains_key(CONFIG_DIGEST),
+            files: files(map),
+            inputs: numbered(map, "input.").into_values().map(|(input, _)| input).collect(),
             notes: notes.collect(),
         };
         Ok((header, part))
     }
+
+    /// Takes the config's attachment, provided it is what the start record, `map`, was written for.
+    pub(crate) fn take_config(&mut self, map: &BTreeMap<String, String>, data: &[u8]) {
+        let digest = map.get(CONFIG_DIGEST);
+        let same = digest.is_none_or(|digest| blake3::hash(data).to_hex().as_str() == digest);
+        let text = std::str::from_utf8(data).ok().filter(|text| same && text.len() <= MAX_CONFIG_BYTES);
+        self.config_damaged = text.is_none();
+        self.config = text.unwrap_or_default().to_owned();
+    }
 }
 
-fn inputs(map: &BTreeMap<String, String>) -> Vec<InputFile> {
-    let mut inputs: BTreeMap<&str, InputFile> = BTreeMap::new();
+/// Name, size and digest of a file, under a prefix of its own.
+fn put_file(put: &mut impl FnMut(&str, String) -> Option<String>, prefix: &str, file: &InputFile) {
+    put(&format!("{prefix}.name"), file.name.clone());
+    put(&format!("{prefix}.bytes"), file.bytes.to_string());
+    put(&format!("{prefix}.blake3"), file.blake3.clone());
+}
+
+/// The files whose keys begin with a prefix and a number, in the order of the numbers, each with its `key`.
+fn numbered<'a>(map: &'a BTreeMap<String, String>, prefix: &str) -> BTreeMap<&'a str, (InputFile, String)> {
+    let mut found: BTreeMap<&str, (InputFile, String)> = BTreeMap::new();
     for (key, value) in map {
-        let Some((n, field)) = key.strip_prefix("input.").and_then(|rest| rest.split_once('.')) else { continue };
-        let input = inputs.entry(n).or_default();
+        let Some((n, field)) = key.strip_prefix(prefix).and_then(|rest| rest.split_once('.')) else { continue };
+        let (file, config_key) = found.entry(n).or_default();
         match field {
-            "name" => input.name = value.clone(),
-            "bytes" => input.bytes = value.parse().unwrap_or_default(),
-            "blake3" => input.blake3 = value.clone(),
+            "name" => file.name = value.clone(),
+            "bytes" => file.bytes = value.parse().unwrap_or_default(),
+            "blake3" => file.blake3 = value.clone(),
+            "key" => *config_key = value.clone(),
             _ => {}
         }
     }
-    inputs.into_values().collect()
+    found
+}
+
+/// The attached files as the start record lists them; their contents come from the attachments.
+fn files(map: &BTreeMap<String, String>) -> Vec<AttachedFile> {
+    let listed = numbered(map, "file.").into_values().take(MAX_FILES);
+    listed.map(|(file, key)| AttachedFile { key, file, content: None }).collect()
 }
 
 /// Why a start record cannot be used.

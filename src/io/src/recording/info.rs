@@ -143,6 +143,15 @@ impl RecordingInfo {
                 warnings.push(format!("{name}: the recorder stopped: {reason}"));
             }
         }
+        if self.header.config_damaged {
+            warnings.push(
+                "the recording's own config is damaged: where its data are decoded, give --config FILE".to_owned(),
+            );
+        }
+        for file in self.header.files.iter().filter(|file| file.content.is_none()) {
+            let (key, name) = (&file.key, &file.file.name);
+            warnings.push(format!("the copy of {name} is damaged: where its data are decoded, give --set {key}=FILE"));
+        }
         if self.missing_parts() > 0 {
             warnings.push(format!("{} parts between those given are missing", self.missing_parts()));
         }

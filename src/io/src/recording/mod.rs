@@ -7,7 +7,7 @@
 //! ```
 //!
 //! * [`layout`]: channels, and how an event lies in a message;
-//! * [`header`], [`counters`]: what a part says of itself at its start and at its end;
+//! * [`header`], [`counters`]: what a part says of itself at its start and at its end; [`attached`]: the rig's files in it;
 //! * [`recorder`], [`storage`], [`thread`]: writing;
 //! * [`reader`], [`info`]: reading, and what was lost;
 //! * [`digest`]: what an import was made from; [`difference`]: where two ledgers part.
@@ -15,6 +15,7 @@
 //! The files are written with the `mcap` crate. They are read with this crate's own reader, which is bounded by what is
 //! there whatever a file claims.
 
+pub mod attached;
 pub mod counters;
 pub mod difference;
 pub mod digest;
@@ -30,6 +31,7 @@ pub mod storage;
 mod tests;
 pub mod thread;
 
+pub use attached::{AttachedFile, MAX_FILE_BYTES, MAX_FILES};
 pub use counters::{ChannelCount, Counters};
 pub use difference::{Difference, compare};
 pub use digest::{digest_of, import_session};

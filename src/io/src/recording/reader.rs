@@ -7,9 +7,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use tumbled_model::Event;
 
+use super::attached::AttachedFile;
 use super::counters::Counters;
 use super::error::ReadError;
-use super::header::{CALIBRATION_ATTACHMENT, CONFIG_ATTACHMENT, END_RECORD, PROFILE, RecordingHeader, START_RECORD};
+use super::header::{CONFIG_ATTACHMENT, END_RECORD, PROFILE, RecordingHeader, START_RECORD};
 use super::info::{PartInfo, RecordingInfo};
 use super::layout::{ChannelKey, decode};
 use super::records::{ATTACHMENT, CHANNEL, Damage, MESSAGE, METADATA, Records, Step, index_channels};
@@ -191,14 +192,15 @@ impl PartReader {
         }
         let file = File::open(path).map_err(io_error(path))?;
         let mut records = Records::open(file).map_err(io_error(path))?;
-        let (mut header, number) = loop {
+        let (mut header, number, start) = loop {
             match records.next_step().map_err(io_error(path))? {
                 Step::Record(METADATA, content) => {
                     if let Some((name, map)) = self::metadata(&content)
                         && name == START_RECORD
                     {
                         let fault = |fault| ReadError::Header { path: path.to_owned(), fault };
-                        break RecordingHeader::from_metadata(&map).map_err(fault)?;
+                        let (header, number) = RecordingHeader::from_metadata(&map).map_err(fault)?;
+                        break (header, number, map);
                     }
                 }
                 Step::Damage(Damage { offset, .. }) => {
@@ -213,10 +215,8 @@ impl PartReader {
         let ahead = loop {
             let step = records.next_step().map_err(io_error(path))?;
             let Step::Record(ATTACHMENT, content) = &step else { break step };
-            match attachment(content) {
-                Some((CONFIG_ATTACHMENT, text)) => header.config = text.to_owned(),
-                Some((CALIBRATION_ATTACHMENT, text)) => header.calibration = text.to_owned(),
-                _ => {}
+            if let Some((name, data)) = attachment(content) {
+                take_attachment(&mut header, &start, name, data);
             }
         };
         let (path, file_bytes, ahead) = (path.to_owned(), metadata.len(), Some(ahead));
@@ -308,12 +308,22 @@ fn map(fields: &mut Fields<'_>) -> Option<BTreeMap<String, String>> {
     Some(map)
 }
 
-/// Attachment: log time u64, create time u64, name, media type, length u64, data, CRC u32. Name and text.
-fn attachment(content: &[u8]) -> Option<(&str, &str)> {
+/// What the start of a part attaches: the config and the files its start record lists; other attachments are let be.
+fn take_attachment(header: &mut RecordingHeader, start: &BTreeMap<String, String>, name: &str, data: &[u8]) {
+    if name == CONFIG_ATTACHMENT {
+        header.take_config(start, data);
+    } else if let Some(key) = AttachedFile::key_of_attachment(name)
+        && let Some(file) = header.files.iter_mut().find(|file| file.key == key)
+    {
+        file.restore(data);
+    }
+}
+
+/// Attachment: log time u64, create time u64, name, media type, length u64, data, CRC u32. Name and data.
+fn attachment(content: &[u8]) -> Option<(&str, &[u8])> {
     let mut fields = Fields(content);
     let _times = (fields.u64()?, fields.u64()?);
     let (name, _media_type) = (fields.text()?, fields.text()?);
     let length = usize::try_from(fields.u64()?).ok()?;
-    let data = fields.0.get(..length)?;
-    Some((name, std::str::from_utf8(data).ok()?))
+    Some((name, fields.0.get(..length)?))
 }

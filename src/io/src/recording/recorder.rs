@@ -9,9 +9,10 @@ use mcap::{Attachment, Compression, WriteOptions, Writer};
 use std::borrow::Cow;
 use tumbled_model::{Event, RigNs, Span, UnixNs};
 
+use super::attached::{self, AttachedFile};
 use super::counters::Counters;
 use super::error::{RecorderError, StopReason};
-use super::header::{CALIBRATION_ATTACHMENT, CONFIG_ATTACHMENT, END_RECORD, PROFILE, RecordingHeader, START_RECORD};
+use super::header::{CONFIG_ATTACHMENT, END_RECORD, PROFILE, RecordingHeader, START_RECORD};
 use super::layout::{ChannelKey, encode, fits};
 use super::storage::{FileSystem, Sink, Storage};
 
@@ -110,7 +111,8 @@ impl Recorder {
     /// Begins a recording: `path` is the first part, the next are `NAME-0001.mcap`, … beside it.
     ///
     /// # Errors
-    /// When a file is there already and may not be replaced, or the first part cannot be written.
+    /// When a file is there already and may not be replaced, more is to be attached than is read back, or the first part
+    /// cannot be written.
     pub fn create(path: &Path, header: RecordingHeader, options: RecorderOptions) -> Result<Self, RecorderError> {
         Self::create_on(Box::new(FileSystem), path, header, options)
     }
@@ -128,6 +130,7 @@ impl Recorder {
         if path.file_stem().is_none() || part_path(path, 1).is_none() {
             return Err(RecorderError::NoName { path: path.to_owned() });
         }
+        attached::check(&header)?;
         let rotates = options.rotate_bytes.is_some() || options.rotate_duration.is_some();
         // An old part in the way would stop the recording only when rotation comes to it: better now.
         let second = part_path(path, 1).filter(|_| rotates);
@@ -395,11 +398,16 @@ fn write_start(writer: &mut Writer<Sink>, header: &RecordingHeader, part: u32) -
     let metadata = header.to_metadata(part);
     writer.write_metadata(&Metadata { name: START_RECORD.to_owned(), metadata })?;
     let time = host_time(header.unix_at_zero, RigNs(0));
-    for (name, text) in [(CONFIG_ATTACHMENT, &header.config), (CALIBRATION_ATTACHMENT, &header.calibration)] {
-        if !text.is_empty() {
-            let (name, media_type) = (name.to_owned(), "application/toml".to_owned());
-            let data = Cow::Borrowed(text.as_bytes());
-            writer.attach(&Attachment { log_time: time, create_time: time, name, media_type, data })?;
+    let mut attach = |name: String, media_type: &str, data: &[u8]| {
+        let (media_type, data) = (media_type.to_owned(), Cow::Borrowed(data));
+        writer.attach(&Attachment { log_time: time, create_time: time, name, media_type, data })
+    };
+    if !header.config.is_empty() {
+        attach(CONFIG_ATTACHMENT.to_owned(), "application/toml", header.config.as_bytes())?;
+    }
+    for file in &header.files {
+        if let Some(content) = &file.content {
+            attach(AttachedFile::attachment_name(&file.key), "application/octet-stream", content)?;
         }
     }
     Ok(())

@@ -26,7 +26,7 @@ const RECORD_HEAD_BYTES: usize = 9;
 /// A chunk holds [`super::CHUNK_BYTES`] and at most one message more; so much again for channels and to spare.
 const MAX_UNPACKED_BYTES: u64 = (2 * super::layout::MAX_MESSAGE_BYTES + super::CHUNK_BYTES) as u64;
 
-/// A config or calibration as an attachment; a chunk as it is packed.
+/// A config or a file of the rig as an attachment; a chunk as it is packed.
 const MAX_RECORD_BYTES: u64 = 64 << 20;
 
 /// Something in a part that cannot be read.

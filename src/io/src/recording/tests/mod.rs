@@ -1,6 +1,7 @@
 //! What is recorded comes back to the bit; what is lost is told.
 
 mod as_input;
+mod attached;
 mod damage;
 mod failing;
 mod kill;

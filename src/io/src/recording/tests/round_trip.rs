@@ -1,7 +1,8 @@
 //! Writing and reading back.
 
 use super::*;
-use crate::recording::{ChannelKey, ChannelKind, InputFile, PartEnd, digest_of};
+use crate::recording::{AttachedFile, ChannelKey, ChannelKind, InputFile, PartEnd, digest_of};
+use bytes::Bytes;
 use std::fs;
 use tumbled_model::Span;
 
@@ -38,7 +39,11 @@ fn the_header_comes_back_whole() {
     let written = RecordingHeader {
         origin: Origin::Simulated,
         synthetic_times: true,
-        calibration: "t = 1\n".to_owned(),
+        files: vec![
+            AttachedFile::new("rig.calibration", "cal.toml", Bytes::from_static(b"t = 1\n")),
+            AttachedFile::new("lidar.front.calibration", "db.xml", noise(5_000, 3).into()),
+            AttachedFile::new("kinect.near.depth_table", "empty.csv", Bytes::new()),
+        ],
         // Eleven, so that an order by text ("10" before "2") would show.
         inputs: (0..11).map(|n| input(&format!("in.{n}.pcap"))).collect(),
         notes: [("operator".to_owned(), "Ada = \"1\"\n".to_owned())].into(),
