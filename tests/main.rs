@@ -11,6 +11,7 @@ mod export_outputs;
 mod golden;
 mod info_cli;
 mod record_cli;
+mod recorded_config;
 mod recording_cli;
 mod rig_files;
 mod schemas;

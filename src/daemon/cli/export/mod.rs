@@ -126,7 +126,7 @@ pub struct Report {
 /// # Errors
 /// Exit code 2: an input or a combination that cannot be used. 1: a file that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let loaded = args.input.config.load()?;
+    let loaded = args.input.load()?;
     let protected = Protected::new(args, &loaded);
     // Better now than after reading it all; a folder's files are looked at one by one.
     protected.allow(&args.output, &protected::resolve(&args.output).unwrap_or_else(|_| args.output.clone()))?;

@@ -29,7 +29,7 @@ use crate::decoding::Inputs;
 use crate::decoding::kinect::Frame;
 use kinect::KinectWatch;
 use lidar::LidarWatch;
-use report::{Absent, InfoReport, KinectReport, LidarReport, SensorKind, Verdict};
+use report::{Absent, InfoReport, KinectReport, LidarReport, SensorKind, UsedConfig, Verdict};
 
 /// What `info` is asked for.
 #[derive(Debug, clap::Args)]
@@ -52,13 +52,13 @@ pub struct Args {
 /// # Errors
 /// Exit code 2: an input or a config that cannot be used.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let loaded = args.input.config.load()?;
+    let loaded = args.input.load()?;
     let mut inputs = Inputs::open(&args.input, &loaded.config)?;
     let mut watch = Watch::new(&loaded.config)?;
     while let Some(event) = inputs.next_event()? {
         watch.event(&event);
     }
-    let report = watch.report(&inputs);
+    let report = watch.report(&inputs, UsedConfig::new(&loaded, &args.input.config.settings));
     if args.json {
         output::json(&report)?;
     } else {
@@ -99,7 +99,7 @@ impl Watch {
         }
     }
 
-    fn report(mut self, inputs: &Inputs) -> InfoReport {
+    fn report(mut self, inputs: &Inputs, config: UsedConfig) -> InfoReport {
         self.lidars.iter_mut().for_each(LidarWatch::finish);
         let input_reports: Vec<_> = inputs.captures().map(input::report).collect();
         let host_times = inputs.have_host_times();
@@ -119,6 +119,7 @@ impl Watch {
             epoch_unix_ns: inputs.epoch().filter(|_| host_times).map(|epoch| epoch.0.to_string()),
             absent: absent_lidars.chain(absent_kinects).collect(),
             verdict: verdict(!inputs.data_lost(), &lidars, &kinects),
+            config,
             inputs: input_reports,
             lidars,
             kinects,

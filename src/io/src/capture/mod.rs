@@ -49,7 +49,7 @@ pub use summary::{
 pub(crate) use mcap_records::{ChunkHead, Fields, record_head};
 pub(crate) use packets::ReadUpTo;
 
-use crate::recording::RecordingHeader;
+use crate::recording::{Reader, RecordingHeader};
 use core::fmt;
 use files::Sniffed;
 use std::path::{Path, PathBuf};
@@ -183,6 +183,20 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], routing: &Routing) -> Result<Vec<Ca
         }
     }
     Ok(captures)
+}
+
+/// What the recording says of itself when the paths are one recording and nothing else: one part, several parts, a folder
+/// of them. `None` otherwise, and when a path cannot be read: whoever opens it tells why.
+pub fn lone_recording<P: AsRef<Path>>(paths: &[P]) -> Option<RecordingHeader> {
+    let mut parts = Vec::new();
+    for path in paths {
+        match files::sniff(path.as_ref()) {
+            Ok(Sniffed::Recording { parts: more }) => parts.extend(more),
+            _ => return None,
+        }
+    }
+    // Parts of several recordings are not of one session, and refused.
+    Reader::open(&parts).ok().map(|reader| reader.header().clone())
 }
 
 impl Capture {

@@ -3,11 +3,13 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub mod config;
 pub mod hdl64e;
 pub mod input;
 pub mod kinect;
 pub mod lidar;
 
+pub use config::{ConfigOrigin, UsedConfig};
 pub use input::InputReport;
 pub use kinect::KinectReport;
 pub use lidar::LidarReport;
@@ -20,6 +22,8 @@ pub struct InfoReport {
     /// Wall time at `t_ns` 0, ns since 1970-01-01 UTC as a decimal string: the earliest host stamp over all inputs. Null:
     /// no record, or the inputs have no times of their own.
     pub epoch_unix_ns: Option<String>,
+    /// The config the inputs were read with.
+    pub config: UsedConfig,
     /// The inputs, in the order given.
     pub inputs: Vec<InputReport>,
     /// The LiDARs of the config that have any payload in the inputs, in the config's order.

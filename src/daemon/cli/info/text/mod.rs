@@ -18,6 +18,7 @@ pub(super) fn render(report: &InfoReport) -> String {
     for one in &report.inputs {
         input(&mut page, one);
     }
+    page.heading(&format!("config: {}", report.config));
     for one in &report.lidars {
         lidar::block(&mut page, one);
     }
