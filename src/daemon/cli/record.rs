@@ -1,7 +1,7 @@
 //! `tumbled record`: the sensors' raw streams to a recording, as they come.
 //!
 //! ```text
-//!   config ─▶ UDP sources (threads rx-…) ─▶ ledger (thread) ─▶ this thread: Recorder, synced every 0.9 s
+//!   config ─▶ UDP sources (threads rx-…) ─▶ ledger (thread) ─▶ recorder (thread), synced every 0.9 s
 //!                 ▲ stop: signal, --duration, or the recorder itself (disk full)
 //! ```
 
@@ -19,15 +19,16 @@ use tumbled_io::live::{
     Backoff, Device, Ledger, LedgerHandle, Notice, Opener, QueueBound, SessionClock, SourceInfo, StopToken, Supervised,
     UdpConfig, UdpOpener, supervise,
 };
-use tumbled_io::recording::thread::SYNC_EVERY;
-use tumbled_io::recording::{Origin, Recorder, RecorderOptions, RecorderState, RecordingHeader, RecordingSummary};
+use tumbled_io::recording::{
+    Origin, Recorder, RecorderOptions, RecorderState, RecorderThread, RecordingHeader, RecordingSummary,
+};
 use tumbled_model::Span;
 
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, VERSION, output, quantity};
 use crate::config::{LidarConfig, Loaded, RecordConfig, show};
 
-/// How often the end is looked for while nothing arrives.
+/// How often the end is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// What `record` is asked for.
@@ -157,11 +158,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let clock = SessionClock::start_on_system();
     let header = header(&clock, &loaded);
     let options = args.recorder.options(&config.record);
-    let mut recorder = super::import::create_with(&args.output, header.clone(), options)?;
+    let recorder = super::import::create_with(&args.output, header.clone(), options)?;
     let stop = StopToken::new().map_err(Failure::failed)?;
-    let session = Session::start(&config.lidars, &clock, &stop)?;
-    let sources = session.record(args, &mut recorder, &end, &stop);
-    let report = report(&header, sources, recorder.finish());
+    let session = Session::start(&config.lidars, recorder, &clock, &stop)?;
+    let (sources, summary) = session.record(args, &end, &stop);
+    let report = report(&header, sources, summary);
     if args.json {
         output::json(&report)?;
     } else {
@@ -196,16 +197,21 @@ fn header(clock: &SessionClock, loaded: &Loaded) -> RecordingHeader {
     }
 }
 
-/// The running sources and their ledger.
+/// The running sources, their ledger and its recorder.
 struct Session {
     ledger: LedgerHandle,
-    events: tumbled_io::live::EventReceiver,
+    recorder: RecorderThread,
     sources: Vec<(String, Supervised)>,
 }
 
 impl Session {
     /// Opens every LiDAR before any of them runs: a port that is taken is told at once.
-    fn start(lidars: &[LidarConfig], clock: &SessionClock, stop: &StopToken) -> Result<Self, Failure> {
+    fn start(
+        lidars: &[LidarConfig],
+        recorder: Recorder,
+        clock: &SessionClock,
+        stop: &StopToken,
+    ) -> Result<Self, Failure> {
         let mut ledger = Ledger::live(clock.clone());
         let events = ledger.recorder();
         let mut opened = Vec::new();
@@ -215,6 +221,7 @@ impl Session {
             let source = opener.open().map_err(Failure::failed)?;
             opened.push((opener, source, intake));
         }
+        let recorder = RecorderThread::start(recorder, events).map_err(Failure::failed)?;
         let ledger = ledger.start().map_err(Failure::failed)?;
         let mut sources = Vec::new();
         for (opener, source, intake) in opened {
@@ -225,45 +232,33 @@ impl Session {
                     .map_err(Failure::failed)?;
             sources.push((sensor, running));
         }
-        Ok(Self { ledger, events, sources })
+        Ok(Self { ledger, recorder, sources })
     }
 
-    /// Writes what comes until the end, then what still waits.
-    fn record(self, args: &Args, recorder: &mut Recorder, end: &AtomicBool, stop: &StopToken) -> Vec<SourceReport> {
+    /// Waits for the end; then everything the sources have accepted is recorded.
+    fn record(self, args: &Args, end: &AtomicBool, stop: &StopToken) -> (Vec<SourceReport>, RecordingSummary) {
         let progress = progress();
         let started = Instant::now();
-        let mut synced = started;
-        let mut write = |recorder: &mut Recorder| {
-            if let Some(event) = self.events.recv_timeout(LOOK_EVERY) {
-                recorder.write(&event);
+        loop {
+            let status = self.recorder.status();
+            let stopped = matches!(status.state, RecorderState::Stopped { .. });
+            let over = args.duration.is_some_and(|duration| started.elapsed() >= duration);
+            if stopped || over || end.load(Ordering::Relaxed) {
+                break;
             }
-            if synced.elapsed() >= SYNC_EVERY {
-                recorder.sync();
-                synced = Instant::now();
-                let summary = recorder.summary();
-                progress.set_message(format!("{} events, {}", summary.counters.events, HumanBytes(summary.file_bytes)));
-            }
-        };
-        let is_over = |recorder: &Recorder| {
-            end.load(Ordering::Relaxed)
-                || args.duration.is_some_and(|duration| started.elapsed() >= duration)
-                || matches!(recorder.state(), RecorderState::Stopped { .. })
-        };
-        while !is_over(recorder) {
-            write(recorder);
+            progress.set_message(format!("{} events, {}", status.recorded, HumanBytes(status.file_bytes)));
+            std::thread::sleep(LOOK_EVERY);
         }
         // Sources first, then the ledger, so that everything they accepted is in it.
         stop.stop();
         let reports = self.sources.into_iter().map(|(sensor, source)| source_report(sensor, source)).collect();
         let ledger = self.ledger.stop();
-        while !self.events.is_finished() {
-            write(recorder);
-        }
+        let summary = self.recorder.finish();
         progress.finish_and_clear();
         if ledger.undelivered > 0 {
             tracing::error!(packets = ledger.undelivered, "packets did not reach the recording in time at the stop");
         }
-        reports
+        (reports, summary)
     }
 }
 

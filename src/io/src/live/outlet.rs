@@ -184,6 +184,11 @@ impl EventReceiver {
         }
     }
 
+    /// The queue's counts.
+    pub fn gauge(&self) -> OutletGauge {
+        OutletGauge { queue: Arc::clone(&self.queue) }
+    }
+
     /// Whether the ledger has ended and everything was taken.
     pub fn is_finished(&self) -> bool {
         let state = self.queue.lock();

@@ -1,9 +1,9 @@
 //! Recordings: the ledger in MCAP files, written so that a kill costs at most a second, read back to the bit.
 //!
 //! ```text
-//!   Event ─▶ RecorderThread ─▶ Recorder ─▶ layout ─▶ FILE.mcap, FILE-0001.mcap, …
-//!            (bounded queue)   (chunks, rotation)          │
-//!   Event ◀──────────────── Reader ◀─ layout ◀─ records ◀──┘
+//!   ledger ─▶ RecorderThread ─▶ Recorder ─▶ layout ─▶ FILE.mcap, FILE-0001.mcap, …
+//!   (its bounded queue)         (chunks, rotation)         │
+//!   Event ◀───────────────── Reader ◀─ layout ◀─ records ◀─┘
 //! ```
 //!
 //! * [`layout`]: channels, and how an event lies in a message;

@@ -167,6 +167,11 @@ impl Recorder {
         &self.summary
     }
 
+    /// Bytes written to all parts, the open one included; its open chunk is not among them.
+    pub fn written_bytes(&self) -> u64 {
+        self.summary.file_bytes + self.part.as_ref().map_or(0, |part| part.sink.position())
+    }
+
     /// Records an event; `false` when it was not (the state and the summary say why).
     pub fn write(&mut self, event: &Event) -> bool {
         if self.summary.stopped.is_some() {
@@ -208,11 +213,6 @@ impl Recorder {
         }
         self.summary.parts = self.kept.into_iter().collect();
         self.summary
-    }
-
-    #[cfg(test)]
-    pub(crate) fn stop_for_test(&mut self) {
-        self.stop(StopReason::Thread);
     }
 
     fn append(&mut self, channel: &ChannelKey, event: &Event) -> Result<(), StopReason> {

@@ -8,13 +8,13 @@ use std::sync::{Arc, Mutex};
 
 /// A disk in memory with so many bytes.
 #[derive(Clone)]
-struct SmallDisk {
+pub(super) struct SmallDisk {
     left: Arc<AtomicU64>,
     content: Arc<Mutex<Vec<u8>>>,
 }
 
 impl SmallDisk {
-    fn new(bytes: u64) -> Self {
+    pub(super) fn new(bytes: u64) -> Self {
         Self { left: Arc::new(AtomicU64::new(bytes)), content: Arc::default() }
     }
 }

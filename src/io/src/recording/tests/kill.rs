@@ -1,6 +1,7 @@
 //! A recorder killed at any moment: everything up to its last sync is there.
 
 use super::*;
+use crate::live::{Ledger, QueueBound};
 use crate::recording::RecorderThread;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
@@ -22,7 +23,10 @@ fn writer_process() {
     }
     let recorder =
         Recorder::create(Path::new(path.trim()), header("killed"), RecorderOptions::default()).expect("a new file");
-    let thread = RecorderThread::start(recorder).expect("a thread");
+    let mut ledger = Ledger::replay();
+    let mut intake = ledger.intake("front".into(), QueueBound::LIDAR_PACKETS);
+    let thread = RecorderThread::start(recorder, ledger.recorder()).expect("a thread");
+    let _running = ledger.start().expect("a thread");
     let begun = Instant::now();
     let (frame, packet) = (noise(422_400, 1), noise(1206, 2));
     let mut seq = 0;
@@ -32,7 +36,7 @@ fn writer_process() {
         for n in 0..51 {
             let arrived = begun.elapsed().as_nanos() as i64;
             let payload = if n == 50 { &frame } else { &packet };
-            thread.offer(lidar(seq, arrived, payload));
+            intake.push_recorded(lidar(seq, arrived, payload)).expect("the ledger runs");
             seq += 1;
         }
         let status = thread.status();

@@ -1,11 +1,13 @@
-//! The recorder's thread: it never makes the daemon wait, and tells what it had to leave out.
+//! The recorder's thread behind a ledger: it never makes the daemon wait, and tells what it had to leave out.
 
+use super::failing::SmallDisk;
 use super::*;
-use crate::live::outlet::{Consumer, Patience, ScanMark};
+use crate::live::{Delivery, Intake, Ledger, LedgerHandle, QueueBound, SessionClock};
 use crate::recording::{PartFile, RecorderState, RecorderThread, Storage};
 use std::fs::File;
 use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
 
 /// The file system behind a gate that holds every write up while it is shut.
 #[derive(Clone)]
@@ -63,96 +65,116 @@ impl PartFile for GatedFile {
     }
 }
 
+/// A ledger with one sensor and a recorder; `bound`: of the recorder's queue, bytes.
+fn behind(mut ledger: Ledger, recorder: Recorder, bound: usize) -> (Intake, LedgerHandle, RecorderThread) {
+    let intake = ledger.intake("front".into(), QueueBound(64));
+    let thread = RecorderThread::start(recorder, ledger.recorder_with(bound)).expect("a thread");
+    (intake, ledger.start().expect("a thread"), thread)
+}
+
+fn recorder(path: &Path) -> Recorder {
+    Recorder::create(path, header("s"), RecorderOptions::default()).expect("a new file")
+}
+
+/// Waits for something that other threads bring about; far longer than it takes.
+fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !is_so() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
 #[test]
-fn everything_offered_in_time_is_recorded() {
+fn a_replaying_ledger_is_recorded_whole_however_small_the_queue() {
     let (_folder, path) = folder();
-    let thread =
-        RecorderThread::start(Recorder::create(&path, header("s"), RecorderOptions::default()).unwrap()).unwrap();
-    let events: Vec<_> = (0..5000).map(|n| lidar(n, n as i64, &noise(1206, n))).collect();
-    assert!(events.iter().all(|event| thread.offer(event.clone())), "6 MB fit into 64 MiB");
-    let summary = thread.finish();
-    assert_eq!(summary.counters.events, 5000);
+    // Eight packets wait at most; there are 500.
+    let (mut intake, ledger, thread) = behind(Ledger::replay(), recorder(&path), 10_000);
+    let events: Vec<_> = (0..500).map(|n| lidar(n, n as i64, &noise(1206, n))).collect();
+    for event in &events {
+        assert_eq!(intake.push_recorded(event.clone()), Ok(Delivery::Taken));
+    }
+    drop(intake);
+    ledger.wait();
+    assert_eq!(thread.status().dropped, 0);
+    assert_eq!(thread.finish().counters.events, 500);
     assert_eq!(read(&[&path]).0, events);
 }
 
 #[test]
-fn what_does_not_fit_is_dropped_from_the_recording_counted_and_posted_as_a_gap() {
+fn what_does_not_fit_is_missing_in_the_recording_alone_counted_and_in_gaps() {
     let (_folder, path) = folder();
     let gate = Gate { open: Arc::new((Mutex::new(true), Condvar::new())) };
     let recorder = Recorder::create_on(Box::new(gate.clone()), &path, header("s"), RecorderOptions::default()).unwrap();
-    let thread = RecorderThread::start_with(recorder, 10_000_000).unwrap();
+    let (mut intake, ledger, thread) = behind(Ledger::live(SessionClock::start_on_system()), recorder, 10_000_000);
     gate.set(false);
-    // A 5 MB frame closes a chunk, which waits at the gate; behind it 10 MB of queue fill up.
-    let large = |seq| lidar(seq, seq as i64 * 10, &noise(5_000_000, seq));
-    let mut offered: Vec<(u64, bool)> = (0..6).map(|seq| (seq, thread.offer(large(seq)))).collect();
-    // The ledger's own events are taken even now.
-    assert!(thread.offer(tick(6, 60)));
-    let lost: Vec<u64> = offered.iter().filter(|(_, taken)| !taken).map(|(seq, _)| *seq).collect();
-    assert!(lost.len() >= 3, "{offered:?}");
-    assert_eq!(thread.status().dropped, lost.len() as u64);
+    // A 5 MB frame closes a chunk, which waits at the gate; behind it one more fits into 10 MB, the others are lost.
+    let mut push = |n: u64| {
+        let Event { arrived, body, .. } = lidar(n, n as i64, &noise(5_000_000, n));
+        intake.push(arrived, body)
+    };
+    (0..6).for_each(|n| assert_eq!(push(n), Ok(Delivery::Taken), "no source is held up"));
+    wait_until("four of six are lost", || thread.status().dropped >= 4);
     gate.set(true);
-    while thread.status().queued_bytes > 0 {
-        std::thread::yield_now();
-    }
-    offered.push((7, thread.offer(large(7))));
+    wait_until("the queue is empty again", || thread.status().queued_bytes == 0);
+    assert_eq!(push(6), Ok(Delivery::Taken));
+    drop(intake);
+    ledger.stop();
+    let dropped = thread.status().dropped;
     let summary = thread.finish();
     let (back, info) = read(&[&path]);
     let posted = info.counters.lost[&(SensorId::from("front"), LossPoint::Recorder)];
-    assert_eq!(posted, lost.len() as u64, "each loss is posted once");
-    let taken = offered.iter().filter(|(_, taken)| *taken).count();
-    // The taken frames, the tick, and one gap before the tick, in the last dropped frame's place.
-    assert_eq!(back.len(), taken + 2);
+    assert_eq!(posted, dropped, "each loss is posted once");
+    let frames = back.iter().filter(|event| matches!(event.body, Body::LidarPacket { .. })).count() as u64;
+    assert_eq!(frames + posted, 7, "recorded and gaps make up what was sent");
     assert_eq!(summary.counters.events, back.len() as u64);
-    let at_tick = back.iter().position(|event| event.body == Body::Tick).unwrap();
-    assert_eq!((back[at_tick - 1].seq, back[at_tick - 1].arrived.0), (5, 50));
-    assert!(back.windows(2).all(|pair| pair[0].seq < pair[1].seq));
+    assert!(back.iter().any(|event| event.body == Body::Tick), "the ledger's own events are recorded even then");
+    assert!(back.windows(2).all(|pair| pair[0].seq < pair[1].seq), "a gap stands in the place of what is lost");
 }
 
 #[test]
-fn handing_over_waits_for_room_and_loses_nothing() {
+fn a_full_disk_is_told_and_holds_nobody_up() {
     let (_folder, path) = folder();
-    let recorder = Recorder::create(&path, header("s"), RecorderOptions::default()).unwrap();
-    let thread = RecorderThread::start_with(recorder, 10_000).unwrap();
-    let events: Vec<_> = (0..500).map(|n| lidar(n, n as i64, &noise(1206, n))).collect();
-    assert!(events.iter().all(|event| thread.hand_over(event.clone())));
-    assert_eq!((thread.status().dropped, thread.finish().counters.events), (0, 500));
-    assert_eq!(read(&[&path]).0, events);
+    let disk = Box::new(SmallDisk::new(100_000));
+    let full = Recorder::create_on(disk, &path, header("s"), RecorderOptions::default()).unwrap();
+    // A replaying ledger waits where a live one loses: only because the thread goes on taking does it get through.
+    let (mut intake, ledger, thread) = behind(Ledger::replay(), full, 10_000_000);
+    let frames = 20; // of 5 MB each: a chunk each, none of which fits
+    (0..frames).for_each(|n| assert_eq!(intake.push_recorded(lidar(n, 0, &noise(5_000_000, n))), Ok(Delivery::Taken)));
+    drop(intake);
+    assert_eq!(ledger.wait().events, frames);
+    wait_until("the stop is told", || matches!(thread.status().state, RecorderState::Stopped { .. }));
+    let summary = thread.finish();
+    let reason = summary.stopped.expect("stopped").to_string();
+    assert!(reason.contains("session.mcap"), "{reason}");
+    assert_eq!((summary.lost_at_stop, summary.after_stop), (1, frames - 1), "each event is accounted for");
 }
 
 #[test]
-fn a_stopped_recorder_lets_everybody_go_on() {
+fn what_is_recorded_is_synced_in_time_though_nothing_more_comes() {
     let (_folder, path) = folder();
-    let options = RecorderOptions { min_free: Some(0), ..RecorderOptions::default() };
-    let mut recorder = Recorder::create(&path, header("s"), options).unwrap();
-    recorder.write(&tick(0, 0));
-    recorder.stop_for_test();
-    let thread = RecorderThread::start_with(recorder, 1000).unwrap();
-    // More than the queue holds: whoever hands over is told and not held up.
-    let refused = (0..100).filter(|n| !thread.hand_over(lidar(*n, 0, &[0; 900]))).count();
-    assert_eq!(refused, 100);
-    assert!(matches!(thread.status().state, RecorderState::Stopped { .. }));
-    assert!(thread.finish().stopped.is_some());
+    let (mut intake, ledger, thread) = behind(Ledger::replay(), recorder(&path), 10_000);
+    intake.push_recorded(lidar(7, 0, b"a")).unwrap();
+    wait_until("it is synced", || thread.status().synced_seq == Some(7));
+    assert_eq!(read(&[&path]).0, [lidar(7, 0, b"a")], "and can be read while the recording goes on");
+    drop((intake, ledger, thread));
 }
 
 #[test]
-fn what_a_ledger_hands_its_outlets_is_recorded() {
+fn a_dropped_thread_leaves_a_finished_recording_and_a_ledger_that_runs_on() {
     let (_folder, path) = folder();
-    let recorder = Recorder::create(&path, header("s"), RecorderOptions::default()).unwrap();
-    let thread = Arc::new(RecorderThread::start(recorder).unwrap());
-    let mut outlet: Box<dyn Consumer> = Box::new(thread.clone());
-    let events = [tick(0, 0), lidar(1, 1, b"a")];
-    events.iter().for_each(|event| outlet.offer(event, ScanMark::Within, &Patience::default()));
-    assert_eq!(thread.finish().counters.events, 2);
-    assert_eq!(read(&[&path]).0, events);
-    assert!(thread.finish().stopped.is_some(), "there is no second end");
-}
-
-#[test]
-fn a_dropped_thread_leaves_a_finished_recording() {
-    let (_folder, path) = folder();
-    let recorder = Recorder::create(&path, header("s"), RecorderOptions::default()).unwrap();
-    let thread = RecorderThread::start(recorder).unwrap();
-    thread.offer(tick(0, 0));
+    let (mut intake, ledger, thread) = behind(Ledger::replay(), recorder(&path), 10_000);
+    intake.push_recorded(tick(0, 0)).unwrap();
+    wait_until("it has the tick", || thread.status().recorded == 1);
     drop(thread);
     assert!(read(&[&path]).1.whole());
+    for seq in 1..200 {
+        assert_eq!(
+            intake.push_recorded(lidar(seq, 0, &[0; 900])),
+            Ok(Delivery::Taken),
+            "nobody takes it, nobody waits"
+        );
+    }
+    drop(intake);
+    assert_eq!(ledger.wait().events, 200);
 }
