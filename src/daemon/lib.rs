@@ -13,4 +13,5 @@ pub mod config;
 pub mod decoding;
 pub mod quantity;
 pub mod schema;
+pub mod session;
 pub mod stream;

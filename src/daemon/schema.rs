@@ -41,6 +41,12 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/import.schema.json", schema: schema_for!(crate::cli::import::ImportReport) },
         Published { file: "docs/schema/record.schema.json", schema: schema_for!(crate::cli::record::RecordReport) },
         Published { file: "docs/schema/recover.schema.json", schema: schema_for!(crate::cli::recover::RecoverReport) },
+        Published { file: "docs/schema/replay.schema.json", schema: schema_for!(crate::cli::replay::ReplayReport) },
+        Published {
+            file: "docs/schema/replay-epochs.schema.json",
+            schema: schema_for!(crate::session::lines::EpochLine),
+        },
+        Published { file: "docs/schema/verify.schema.json", schema: schema_for!(crate::cli::verify::VerifyReport) },
         Published { file: "docs/schema/info.schema.json", schema: schema_for!(crate::cli::info::report::InfoReport) },
         Published { file: "docs/schema/stream-hello.schema.json", schema: schema_for!(Sent<stream::Hello>) },
         Published { file: "docs/schema/stream-error.schema.json", schema: schema_for!(Sent<stream::ErrorLine>) },

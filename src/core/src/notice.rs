@@ -1,12 +1,9 @@
 //! What happened that a person may want to know of: the stream's EVENT lines and the log.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use tumbled_model::{RigNs, SensorId};
 
 /// How much attention it asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Gravity {
     /// As it should be.
     Info,
@@ -17,8 +14,7 @@ pub enum Gravity {
 }
 
 /// What kind of thing happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum NoticeKind {
     /// A sensor's state changed.
@@ -39,6 +35,23 @@ pub enum NoticeKind {
     Configured,
     /// A live session sheds scans: it cannot keep up.
     Shedding,
+}
+
+impl NoticeKind {
+    /// The word in events and logs.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SensorState => "sensor_state",
+            Self::ClockReset => "clock_reset",
+            Self::WallStep => "wall_step",
+            Self::Model => "model",
+            Self::Malformed => "malformed",
+            Self::UnknownSensor => "unknown_sensor",
+            Self::Marker => "marker",
+            Self::Configured => "configured",
+            Self::Shedding => "shedding",
+        }
+    }
 }
 
 /// Something that happened.

@@ -127,7 +127,7 @@ pub(super) fn create_with(path: &Path, header: RecordingHeader, options: Recorde
 }
 
 /// A recording alone keeps what it says of itself; anything else becomes an import.
-fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<RecordingHeader, Failure> {
+pub(super) fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<RecordingHeader, Failure> {
     if let Some(header) = inputs.recording() {
         return Ok(header.clone());
     }

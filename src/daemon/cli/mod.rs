@@ -20,6 +20,9 @@ pub mod output;
 pub mod record;
 pub mod recover;
 pub mod render;
+pub mod replay;
+pub mod signals;
+pub mod verify;
 
 pub use failure::{Failure, Outcome};
 pub use input::{ConfigArgs, InputArgs};
@@ -72,6 +75,10 @@ enum Command {
     Import(import::Args),
     /// Record the sensors' raw streams as they come.
     Record(record::Args),
+    /// Put recordings and captures through the core, as a live session would have seen them.
+    Replay(replay::Args),
+    /// Compute a recorded session anew and compare it with what it was.
+    Verify(verify::Args),
     /// Make a finished recording of one that was interrupted or damaged.
     Recover(recover::Args),
     /// Find where two recordings differ.
@@ -91,6 +98,8 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Info(args) => info::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Record(args) => record::run(&args),
+        Command::Replay(args) => replay::run(&args),
+        Command::Verify(args) => verify::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Config(command) => config::run(command),

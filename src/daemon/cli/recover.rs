@@ -10,6 +10,7 @@ use tumbled_io::recording::{Reader, RecordingInfo};
 use super::import::{create, refuse_input_as_output, written};
 use super::ledger::{self, LedgerReport, PartReport};
 use super::{Failure, Outcome, output};
+use crate::session::Checkpoint;
 
 /// What `recover` is asked for.
 #[derive(Debug, ClapArgs)]
@@ -70,8 +71,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let names: Vec<_> = reader.info().parts.iter().map(|part| name(&part.path)).collect();
     header.notes.insert("recovered_from".to_owned(), names.join(", "));
     let mut recorder = create(&output, header, args.force)?;
-    for event in reader.by_ref() {
+    while let Some(event) = reader.next() {
         let event = event.map_err(Failure::input)?;
+        // What the session computed lies between its events.
+        for result in reader.take_results() {
+            if let Some(kind) = Checkpoint::from_message(&result).map(|_| Checkpoint::kind()) {
+                recorder.write_result(&kind, result.t, result.seq, &result.json);
+            }
+        }
         if !recorder.write(&event) && recorder.summary().stopped.is_some() {
             break;
         }

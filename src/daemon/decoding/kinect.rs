@@ -24,6 +24,29 @@ pub struct KinectDecoder {
     points: Points,
 }
 
+/// The config's depth law.
+///
+/// # Errors
+/// A table that cannot be used: exit code 2.
+pub fn depth_table(kinect: &KinectConfig) -> Result<DepthTable, Failure> {
+    let Some(file) = &kinect.depth_table else { return Ok(DepthTable::from_law(&ZeroPlane::default())) };
+    let problem = |error: String| Failure::input(format!("the depth table {}: {error}", file.place));
+    let text = file.text().map_err(|error| problem(error.to_string()))?;
+    text.parse().map_err(|error: tumbled_kinect::TableCsvError| problem(error.to_string()))
+}
+
+/// The config's camera: rays and noise.
+///
+/// # Errors
+/// Intrinsics that describe no camera: exit code 2.
+pub fn projector(kinect: &KinectConfig) -> Result<BackProjector, Failure> {
+    let i = &kinect.intrinsics;
+    let intrinsics =
+        Intrinsics { fx: i.fx, fy: i.fy, cx: i.cx, cy: i.cy, k1: i.k1, k2: i.k2, p1: i.p1, p2: i.p2, k3: i.k3 };
+    BackProjector::new(&intrinsics, &NoiseModel::default())
+        .map_err(|error| Failure::input(format!("kinect {}: intrinsics: {error}", kinect.id)))
+}
+
 /// One frame as the ledger has it.
 #[derive(Clone, Copy)]
 pub struct Frame<'a> {
@@ -43,19 +66,7 @@ impl KinectDecoder {
     /// # Errors
     /// A table or intrinsics that cannot be used: exit code 2.
     pub fn new(kinect: &KinectConfig) -> Result<Self, Failure> {
-        let table = match &kinect.depth_table {
-            None => DepthTable::from_law(&ZeroPlane::default()),
-            Some(file) => {
-                let problem = |error: String| Failure::input(format!("the depth table {}: {error}", file.place));
-                let text = file.text().map_err(|error| problem(error.to_string()))?;
-                text.parse().map_err(|error: tumbled_kinect::TableCsvError| problem(error.to_string()))?
-            }
-        };
-        let i = &kinect.intrinsics;
-        let intrinsics =
-            Intrinsics { fx: i.fx, fy: i.fy, cx: i.cx, cy: i.cy, k1: i.k1, k2: i.k2, p1: i.p1, p2: i.p2, k3: i.k3 };
-        let projector = BackProjector::new(&intrinsics, &NoiseModel::default())
-            .map_err(|error| Failure::input(format!("kinect {}: intrinsics: {error}", kinect.id)))?;
+        let (table, projector) = (depth_table(kinect)?, projector(kinect)?);
         Ok(Self {
             id: kinect.id.clone(),
             table,

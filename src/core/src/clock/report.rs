@@ -34,6 +34,19 @@ pub enum ClockState {
     Suspect,
 }
 
+impl ClockState {
+    /// The word in health and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Acquiring => "acquiring",
+            Self::Locked => "locked",
+            Self::Holdover => "holdover",
+            Self::Lost => "lost",
+            Self::Suspect => "suspect",
+        }
+    }
+}
+
 /// What became of a pushed stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pushed {

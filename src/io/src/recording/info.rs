@@ -92,6 +92,8 @@ pub struct RecordingInfo {
     pub counters: Counters,
     /// Messages that are not what their channel says: not delivered.
     pub undecodable: u64,
+    /// Results of the session beside its ledger.
+    pub results: u64,
     /// Messages of channels that replay has no use for.
     pub other_messages: u64,
 }

@@ -157,8 +157,9 @@ impl ChannelKey {
     }
 }
 
-/// Appends an event as a message. `false`, and nothing appended, for a kind of event this format has no place for.
-pub(crate) fn encode(event: &Event, into: &mut Vec<u8>) -> bool {
+/// Appends an event as a message, the same bytes whoever records it. `false`, and nothing appended, for a kind of event
+/// this format has no place for.
+pub fn encode(event: &Event, into: &mut Vec<u8>) -> bool {
     let start = into.len();
     into.extend(event.seq.to_le_bytes());
     into.extend(event.arrived.0.to_le_bytes());

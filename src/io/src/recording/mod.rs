@@ -8,7 +8,7 @@
 //!
 //! * [`layout`]: channels, and how an event lies in a message;
 //! * [`header`], [`counters`]: what a part says of itself at its start and at its end; [`attached`]: the rig's files in it;
-//! * [`recorder`], [`storage`], [`thread`]: writing;
+//! * [`recorder`], [`storage`], [`thread`]: writing; [`results`]: what a session computed, beside the ledger;
 //! * [`reader`], [`info`]: reading, and what was lost;
 //! * [`digest`]: what an import was made from; [`difference`]: where two ledgers part.
 //!
@@ -26,6 +26,7 @@ pub mod layout;
 pub mod reader;
 pub mod recorder;
 pub(crate) mod records;
+pub mod results;
 pub mod storage;
 #[cfg(test)]
 mod tests;
@@ -42,5 +43,6 @@ pub use layout::{ChannelKey, ChannelKind};
 pub use reader::{Reader, is_recording};
 pub use recorder::{CHUNK_BYTES, Recorder, RecorderOptions, RecorderState, RecordingSummary};
 pub use records::Damage;
+pub use results::{ResultKind, ResultMessage};
 pub use storage::{FileSystem, PartFile, Storage};
 pub use thread::{RecorderStatus, RecorderThread};

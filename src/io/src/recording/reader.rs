@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use tumbled_model::Event;
+use tumbled_model::{Event, RigNs};
 
 use super::attached::AttachedFile;
 use super::counters::Counters;
@@ -14,6 +14,7 @@ use super::header::{CONFIG_ATTACHMENT, END_RECORD, PROFILE, RecordingHeader, STA
 use super::info::{PartInfo, RecordingInfo};
 use super::layout::{ChannelKey, decode};
 use super::records::{ATTACHMENT, CHANNEL, Damage, MESSAGE, METADATA, Records, Step, index_channels};
+use super::results::{self, ResultMessage};
 use crate::capture::{Fields, ReadUpTo};
 
 /// Bytes from a file's start that tell whether it is a recording: magic, header record, profile.
@@ -50,6 +51,7 @@ pub struct Reader {
     /// Index in `info.parts` of the part being read.
     current: usize,
     parts: VecDeque<PartReader>,
+    results: Vec<ResultMessage>,
     finished: bool,
 }
 
@@ -83,9 +85,10 @@ impl Reader {
             parts: parts.iter().map(PartReader::info).collect(),
             counters: Counters::default(),
             undecodable: 0,
+            results: 0,
             other_messages: 0,
         };
-        Ok(Self { info, current: 0, parts: parts.into(), finished: false })
+        Ok(Self { info, current: 0, parts: parts.into(), results: Vec::new(), finished: false })
     }
 
     /// What the recording says of itself.
@@ -96,6 +99,11 @@ impl Reader {
     /// What was read so far and what could not be; complete once the iterator has ended.
     pub fn info(&self) -> &RecordingInfo {
         &self.info
+    }
+
+    /// The results that lie between the events read so far, since the last call.
+    pub fn take_results(&mut self) -> Vec<ResultMessage> {
+        std::mem::take(&mut self.results)
     }
 
     /// Reads to the end for the sake of [`Reader::info`].
@@ -118,7 +126,11 @@ impl Reader {
                         return Ok(Some(event));
                     }
                     Message::Undecodable => self.info.undecodable += 1,
-                    Message::Other => self.info.other_messages += 1,
+                    Message::Result(result) if self.results.len() < results::KEPT => {
+                        self.info.results += 1;
+                        self.results.push(result);
+                    }
+                    Message::Result(_) | Message::Other => self.info.other_messages += 1,
                 },
                 Step::Record(CHANNEL, content) => part.declare(&content),
                 Step::Record(METADATA, content) => {
@@ -166,13 +178,21 @@ struct PartReader {
     records: Records<File>,
     /// Read while looking for the end of the start, to be looked at again.
     ahead: Option<Step>,
-    /// `None`: a channel that replay has no use for.
-    channels: BTreeMap<u16, Option<ChannelKey>>,
+    channels: BTreeMap<u16, Channel>,
     index_read: bool,
+}
+
+/// What a channel of the file carries.
+enum Channel {
+    Events(ChannelKey),
+    /// Results, with their topic.
+    Results(String),
+    Other,
 }
 
 enum Message {
     Event(ChannelKey, Event),
+    Result(ResultMessage),
     Undecodable,
     Other,
 }
@@ -249,8 +269,13 @@ impl PartReader {
         let channel = (|| {
             let mut fields = Fields(content);
             let (id, _schema) = (fields.u16()?, fields.u16()?);
-            let (_topic, _encoding) = (fields.text()?, fields.text()?);
-            Some((id, ChannelKey::from_metadata(&map(&mut fields)?)))
+            let (topic, encoding) = (fields.text()?, fields.text()?);
+            let channel = match ChannelKey::from_metadata(&map(&mut fields)?) {
+                Some(key) => Channel::Events(key),
+                None if encoding == results::ENCODING => Channel::Results(topic.to_owned()),
+                None => Channel::Other,
+            };
+            Some((id, channel))
         })();
         if let Some((id, channel)) = channel {
             self.channels.entry(id).or_insert(channel);
@@ -271,15 +296,25 @@ impl PartReader {
     /// Message: channel id u16, sequence u32, log time u64, publish time u64, data.
     fn event(&self, content: &Bytes) -> Message {
         const HEAD: usize = 2 + 4 + 8 + 8;
-        let Some(id) = Fields(content).u16() else { return Message::Undecodable };
-        let channel = match self.channels.get(&id) {
-            Some(Some(channel)) => channel,
-            Some(None) => return Message::Other,
-            None => return Message::Undecodable,
-        };
+        let mut head = Fields(content);
+        let Some(id) = head.u16() else { return Message::Undecodable };
+        let (sequence, log_time) = (head.u32(), head.u64());
         if content.len() < HEAD {
             return Message::Undecodable;
         }
+        let channel = match self.channels.get(&id) {
+            Some(Channel::Events(channel)) => channel,
+            Some(Channel::Results(topic)) => {
+                let json = content.slice(HEAD..);
+                let unix = i64::try_from(log_time.unwrap_or_default()).unwrap_or(i64::MAX);
+                let t = RigNs(unix.saturating_sub(self.header.unix_at_zero.0));
+                let (topic, seq) = (topic.clone(), u64::from(sequence.unwrap_or_default()));
+                let fits = json.len() <= results::MAX_RESULT_BYTES;
+                return if fits { Message::Result(ResultMessage { topic, t, seq, json }) } else { Message::Other };
+            }
+            Some(Channel::Other) => return Message::Other,
+            None => return Message::Undecodable,
+        };
         match decode(channel, &content.slice(HEAD..)) {
             Some(event) => Message::Event(channel.clone(), event),
             None => Message::Undecodable,

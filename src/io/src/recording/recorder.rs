@@ -14,6 +14,7 @@ use super::counters::Counters;
 use super::error::{RecorderError, StopReason};
 use super::header::{CONFIG_ATTACHMENT, END_RECORD, PROFILE, RecordingHeader, START_RECORD};
 use super::layout::{ChannelKey, encode, fits};
+use super::results::{self, ResultKind};
 use super::storage::{FileSystem, Sink, Storage};
 
 /// A chunk is closed when it holds this much: 0.3 s of one LiDAR and one Kinect, and large enough for lz4 to be good.
@@ -91,6 +92,7 @@ struct Part {
     writer: Writer<Sink>,
     sink: Sink,
     channels: BTreeMap<ChannelKey, u16>,
+    results: BTreeMap<&'static str, u16>,
     counters: Counters,
     started: Option<RigNs>,
     /// Uncompressed bytes in the open chunk.
@@ -245,6 +247,35 @@ impl Recorder {
         Ok(())
     }
 
+    /// Appends a result to the part that is open. Results begin no part and fill none: they are few and small.
+    pub(super) fn append_result(
+        &mut self,
+        kind: &ResultKind,
+        t: RigNs,
+        seq: u64,
+        json: &[u8],
+    ) -> Result<(), StopReason> {
+        let log_time = self.log_time(t);
+        let publish_time = host_time(self.header.unix_at_zero, t);
+        let Some(part) = &mut self.part else { return Ok(()) };
+        let failed = |error| StopReason::mcap(&part.path)(error);
+        let channel_id = match part.results.get(kind.topic) {
+            Some(id) => *id,
+            None => {
+                let schema = part.writer.add_schema(kind.schema_name, "jsonschema", kind.schema.as_bytes());
+                let schema = schema.map_err(failed)?;
+                let id = part.writer.add_channel(schema, kind.topic, results::ENCODING, &BTreeMap::new());
+                let id = id.map_err(failed)?;
+                part.results.insert(kind.topic, id);
+                id
+            }
+        };
+        let header = MessageHeader { channel_id, sequence: seq as u32, log_time, publish_time };
+        part.writer.write_to_known_channel(&header, json).map_err(failed)?;
+        part.open_bytes += json.len();
+        Ok(())
+    }
+
     fn rotation_is_due(&self, now: RigNs) -> bool {
         let Some(part) = &self.part else { return false };
         let Some(started) = part.started else { return false };
@@ -310,8 +341,18 @@ impl Recorder {
         self.next_part += 1;
         let counters = Counters::default();
         let started = None;
-        self.part =
-            Some(Part { path, writer, sink, channels, counters, started, open_bytes: 0, open_events: 0, whole_bytes });
+        self.part = Some(Part {
+            path,
+            writer,
+            sink,
+            channels,
+            results: BTreeMap::new(),
+            counters,
+            started,
+            open_bytes: 0,
+            open_events: 0,
+            whole_bytes,
+        });
         synced
     }
 
@@ -361,7 +402,7 @@ impl Recorder {
     }
 
     /// Stops with a reason: cleanly where the disk still takes it, else with the part cut to its last whole record.
-    fn stop(&mut self, reason: StopReason) {
+    pub(super) fn stop(&mut self, reason: StopReason) {
         if matches!(reason, StopReason::LowSpace { .. }) {
             let ended = self.end_part("stopped", &reason.to_string());
             self.summary.stopped = Some(ended.err().unwrap_or(reason));

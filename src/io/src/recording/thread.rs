@@ -9,6 +9,7 @@ use tumbled_model::Event;
 
 use super::error::StopReason;
 use super::recorder::{Recorder, RecorderState, RecordingSummary};
+use super::results::{ResultKind, ResultMessage};
 use crate::live::{EventReceiver, OutletGauge};
 
 /// From one sync to the next. What a kill may cost is promised to be a second; the sync itself takes its part of it.
@@ -16,6 +17,9 @@ pub const SYNC_EVERY: Duration = Duration::from_millis(900);
 
 /// How often a thread without events looks whether it is to end.
 const LOOK: Duration = Duration::from_millis(20);
+
+/// Results that may wait for the thread: one a second comes, and a disk may stall.
+const WAITING_RESULTS: usize = 64;
 
 /// What a recorder's thread is doing.
 #[derive(Clone, Debug)]
@@ -49,6 +53,7 @@ struct Progress {
 #[derive(Debug)]
 struct Shared {
     progress: Mutex<Progress>,
+    results: Mutex<Vec<(ResultKind, ResultMessage)>>,
     closing: AtomicBool,
 }
 
@@ -83,7 +88,11 @@ impl RecorderThread {
             synced_seq: None,
             longest_sync: Duration::ZERO,
         };
-        let shared = Arc::new(Shared { progress: Mutex::new(progress), closing: AtomicBool::new(false) });
+        let shared = Arc::new(Shared {
+            progress: Mutex::new(progress),
+            results: Mutex::default(),
+            closing: AtomicBool::new(false),
+        });
         let gauge = events.gauge();
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn({
             let shared = Arc::clone(&shared);
@@ -105,6 +114,16 @@ impl RecorderThread {
             synced_seq: progress.synced_seq,
             longest_sync: progress.longest_sync,
         }
+    }
+
+    /// Puts a result beside the ledger; `false`: too many wait, it is left out.
+    pub fn result(&self, kind: &ResultKind, message: ResultMessage) -> bool {
+        let mut results = self.shared.results.lock().unwrap_or_else(PoisonError::into_inner);
+        let room = results.len() < WAITING_RESULTS;
+        if room {
+            results.push((kind.clone(), message));
+        }
+        room
     }
 
     /// Writes what still waits, ends the recording and tells what became of it. Stop the ledger first: of one that runs
@@ -143,14 +162,25 @@ impl Writing {
             let wait = if closing { Duration::ZERO } else { left.min(LOOK) };
             match events.recv_timeout(wait) {
                 Some(event) => self.write(&event),
-                None if closing || events.is_finished() => break,
+                None if closing => break,
+                // The ledger has ended; a last result may still come until the recording is ended too.
+                None if events.is_finished() => std::thread::sleep(LOOK),
                 None => {}
             }
+            self.write_results();
             if Instant::now() >= self.next_sync {
                 self.sync();
             }
         }
+        self.write_results();
         self.recorder.finish()
+    }
+
+    fn write_results(&mut self) {
+        let results = std::mem::take(&mut *self.shared.results.lock().unwrap_or_else(PoisonError::into_inner));
+        for (kind, message) in results {
+            self.recorder.write_result(&kind, message.t, message.seq, &message.json);
+        }
     }
 
     fn write(&mut self, event: &Event) {

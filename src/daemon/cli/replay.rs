@@ -1,0 +1,256 @@
+//! `tumbled replay`: recordings and captures through the core, as a live session would have seen them.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args as ClapArgs;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tumbled_core::SensorHealth;
+use tumbled_io::recording::{Origin, Recorder, RecordingHeader, ResultKind};
+use tumbled_model::{Span, UnixNs};
+
+use super::{Failure, InputArgs, Outcome, import, output, signals};
+use crate::config::{Loaded, show};
+use crate::decoding::Inputs;
+use crate::session::serve::{About, Servers};
+use crate::session::{Checkpoint, Engine, Pace, Publish, Shell, Speed, Step, engine, lines::EpochLine, setup};
+use crate::stream::StreamOrigin;
+
+/// What `replay` is asked for.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:\n  tumbled replay run.mcap --digest\n  \
+    tumbled replay run.mcap --speed 1 --serve\n  tumbled replay velodyne.pcap kinect/ --config rig.toml --epochs epochs.jsonl\n\n\
+    The same events give the same output to the bit, at any speed and on any number of threads.\n\
+    Exit code 3: the inputs are damaged or incomplete; the log says where.")]
+pub struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// `max`, or how many times as fast as it was recorded.
+    #[arg(long, default_value = "max", value_name = "SPEED")]
+    speed: Speed,
+    /// Write a JSON line for each epoch (`-` = stdout).
+    #[arg(long, value_name = "FILE.jsonl")]
+    epochs: Option<PathBuf>,
+    /// Record what is replayed, with checkpoints that `tumbled verify` compares with.
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    /// Replace a recording of this name.
+    #[arg(long)]
+    force: bool,
+    /// Serve the state stream while it lasts, as the config's [stream] says.
+    #[arg(long)]
+    serve: bool,
+    /// Serve it beyond this machine although it is not live.
+    #[arg(long)]
+    allow_nonlive: bool,
+    /// Use the scans too that the live session shed: the best result offline, not that session's.
+    #[arg(long)]
+    ignore_skips: bool,
+    /// Print one hash over everything that came out.
+    #[arg(long)]
+    digest: bool,
+    /// Threads of the core; 0 = one for each processor. Changes no result.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    /// Report on stdout as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was replayed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "tumbled replay --json")]
+pub struct ReplayReport {
+    /// The session's id; null: the inputs are no single recording.
+    pub session: Option<String>,
+    /// `replay` or `simulated`.
+    pub origin: StreamOrigin,
+    /// Wall time at `t_ns` 0, ns since 1970-01-01 UTC as a decimal string; null: the inputs have no wall times.
+    pub epoch_unix_ns: Option<String>,
+    /// Rig time that was replayed, s.
+    pub duration_s: f64,
+    /// One hash over the epochs, notices and health: equal for a live session and its replay.
+    pub digest: String,
+    /// The chain's values at the end.
+    pub checkpoint: Checkpoint,
+    /// The sensors at the end.
+    pub sensors: Vec<SensorHealth>,
+    /// Nothing of the inputs was missing and nothing stopped the replay. Otherwise the exit code is 3.
+    pub complete: bool,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+}
+
+/// Replays.
+///
+/// # Errors
+/// Exit code 2: inputs or a config that cannot be used, an output that is there. 1: an output that cannot be written.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    for output in [&args.record, &args.epochs].into_iter().flatten() {
+        import::refuse_input_as_output(output, &args.input.inputs)?;
+    }
+    let loaded = args.input.load()?;
+    let config = &loaded.config;
+    let mut core = setup::core_config(config)?;
+    core.ignore_skips = args.ignore_skips;
+    let mut inputs = Inputs::open_ledger(&args.input.inputs, config)?;
+    let interpreter = engine::interpreter(config, args.ignore_skips);
+    let mut engine = Engine::new(core, engine::workers(args.threads)?, interpreter);
+    let stop = signals::stop_token()?;
+    let mut sinks = Sinks::open(args, &loaded, &inputs)?;
+    let finished = play(&mut inputs, &mut engine, &mut sinks, &mut Pace::new(args.speed, stop))?;
+    sinks.close()?;
+    let report = report(&inputs, &engine, finished);
+    report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    if args.json {
+        output::json(&report)?;
+    } else if args.digest {
+        output::text(&format!("{}\n", report.digest))?;
+    } else if args.epochs.as_deref() != Some(Path::new("-")) {
+        output::text(&text(&report))?;
+    }
+    Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Every event through the core; false when a stop came before the end.
+fn play(inputs: &mut Inputs, engine: &mut Engine, sinks: &mut Sinks, pace: &mut Pace) -> Result<bool, Failure> {
+    while let Some(event) = inputs.next_event()? {
+        if !pace.wait(event.arrived) {
+            return Ok(false);
+        }
+        if let Some(recorder) = &mut sinks.recorder {
+            recorder.write(&event);
+        }
+        sinks.take(&engine.step(&event))?;
+    }
+    sinks.take(&engine.finish())?;
+    sinks.checkpoint(&engine.checkpoint());
+    Ok(true)
+}
+
+/// Where the results go.
+struct Sinks {
+    epochs: Option<Box<dyn Write>>,
+    recorder: Option<Recorder>,
+    checkpoints: ResultKind,
+    servers: Option<Servers>,
+    publish: Publish,
+}
+
+impl Sinks {
+    fn open(args: &Args, loaded: &Loaded, inputs: &Inputs) -> Result<Self, Failure> {
+        let unix_at_zero = inputs.epoch().unwrap_or_default();
+        let session = inputs.recording().map_or("replay", |header| header.session.as_str());
+        let about = About { session, origin: origin(inputs), unix_at_zero };
+        let servers = if args.serve { Some(Servers::start(&loaded.config, about, args.allow_nonlive)?) } else { None };
+        let silent = || Publish::new(about.origin, unix_at_zero, 0, None);
+        let publish = servers.as_ref().map_or_else(silent, |servers| servers.publish(about));
+        let recorder = match &args.record {
+            Some(path) => Some(import::create(path, header(inputs, &args.input.inputs, loaded)?, args.force)?),
+            None => None,
+        };
+        let epochs = args.epochs.as_deref().map(writer).transpose()?;
+        Ok(Self { epochs, recorder, checkpoints: Checkpoint::kind(), servers, publish })
+    }
+
+    fn take(&mut self, step: &Step<'_>) -> Result<(), Failure> {
+        if let Some(epochs) = &mut self.epochs {
+            for epoch in &step.outputs.epochs {
+                let unix = step.wall.unix(epoch.t).unwrap_or(self.publish.unix_at_zero + Span(epoch.t.0));
+                let line = serde_json::to_string(&EpochLine::new(epoch, unix)).map_err(Failure::failed)?;
+                writeln!(epochs, "{line}").map_err(Failure::Output)?;
+            }
+        }
+        if let Some(checkpoint) = &step.checkpoint {
+            self.checkpoint(checkpoint);
+        }
+        let clients = || self.servers.as_ref().map(|servers| servers.stream().clients().into()).unwrap_or_default();
+        let shell = || {
+            let mut shell = Shell::default();
+            shell.health.stream = clients();
+            shell
+        };
+        self.publish.step(step, shell);
+        Ok(())
+    }
+
+    fn checkpoint(&mut self, checkpoint: &Checkpoint) {
+        let Some(recorder) = &mut self.recorder else { return };
+        let message = checkpoint.to_message();
+        recorder.write_result(&self.checkpoints, message.t, message.seq, &message.json);
+        recorder.sync();
+    }
+
+    fn close(mut self) -> Result<(), Failure> {
+        if let Some(epochs) = &mut self.epochs {
+            epochs.flush().map_err(Failure::Output)?;
+        }
+        if let Some(servers) = self.servers {
+            servers.stop();
+        }
+        self.recorder.map_or(Ok(()), |recorder| import::written(&recorder.finish()))
+    }
+}
+
+fn writer(path: &Path) -> Result<Box<dyn Write>, Failure> {
+    if path == Path::new("-") {
+        return Ok(Box::new(BufWriter::new(std::io::stdout())));
+    }
+    let file = File::create(path);
+    let file = file.map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))?;
+    Ok(Box::new(BufWriter::new(file)))
+}
+
+/// A recording of a replay is of the same session with the config it was replayed with, and never live.
+fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<RecordingHeader, Failure> {
+    let mut header = import::header(inputs, paths, loaded)?;
+    header.config = show::text(&loaded.tree, false);
+    header.files = loaded.config.attachments();
+    if header.origin == Origin::Live {
+        header.origin = Origin::Import;
+    }
+    Ok(header)
+}
+
+/// What the data are for those who see them now: never live.
+pub(super) fn origin(inputs: &Inputs) -> StreamOrigin {
+    let mut origins = inputs.captures().filter_map(|capture| capture.recording().map(|header| header.origin));
+    if origins.any(|origin| origin == Origin::Simulated) { StreamOrigin::Simulated } else { StreamOrigin::Replay }
+}
+
+fn report(inputs: &Inputs, engine: &Engine, finished: bool) -> ReplayReport {
+    let checkpoint = engine.checkpoint();
+    let mut warnings = inputs.warnings();
+    if !finished {
+        warnings.push("the replay was stopped before the inputs' end".to_owned());
+    }
+    ReplayReport {
+        session: inputs.recording().map(|header| header.session.clone()),
+        origin: origin(inputs),
+        epoch_unix_ns: inputs.have_host_times().then(|| inputs.epoch()).flatten().map(|UnixNs(unix)| unix.to_string()),
+        duration_s: checkpoint.t_ns as f64 * 1e-9,
+        digest: checkpoint.outputs_digest(),
+        sensors: engine.sensors(),
+        complete: finished && !inputs.data_lost(),
+        warnings,
+        checkpoint,
+    }
+}
+
+fn text(report: &ReplayReport) -> String {
+    let Checkpoint { events, epochs, .. } = &report.checkpoint;
+    let mut text = format!("{events} events, {epochs} epochs in {:.3} s of rig time\n", report.duration_s);
+    for sensor in report.sensors.iter().filter(|sensor| sensor.received > 0) {
+        let SensorHealth { id, received, lost, points, .. } = sensor;
+        let clock = sensor.clock.map_or_else(String::new, |clock| format!(", clock {}", clock.state.name()));
+        text.push_str(&format!(
+            "  {id}: {received} received, {} lost, {} points in epochs of {} decoded{clock}\n",
+            lost.total, points.in_epochs, points.decoded
+        ));
+    }
+    text.push_str(&format!("digest {}\n", report.digest));
+    text
+}

@@ -1,0 +1,122 @@
+//! The core with its hash chain: what `run`, `replay` and `verify` share, so that they cannot differ.
+
+use std::sync::Arc;
+
+use tumbled_core::{CoreConfig, Outputs, Pipeline, SensorHealth, WallClock, Workers};
+use tumbled_io::recording::RecordingHeader;
+use tumbled_model::{Body, Event};
+
+use super::chain::{Chain, Checkpoint};
+use crate::cli::Failure;
+use crate::config::{self, Config, Recorded};
+
+/// Makes the core's config of a changed config that stands in the ledger as text.
+pub type Interpreter = Box<dyn Fn(&str) -> Result<CoreConfig, Failure> + Send>;
+
+/// One event's work.
+#[derive(Debug)]
+pub struct Step<'a> {
+    /// What came out.
+    pub outputs: &'a Outputs,
+    /// The wall clock beside the session's timeline.
+    pub wall: &'a WallClock,
+    /// The chain's value, where the core told its health.
+    pub checkpoint: Option<Checkpoint>,
+}
+
+/// The core and its chain.
+pub struct Engine {
+    pipeline: Pipeline,
+    outputs: Outputs,
+    chain: Chain,
+    interpreter: Interpreter,
+    t_ns: i64,
+}
+
+impl Engine {
+    /// A core for a rig.
+    pub fn new(config: CoreConfig, workers: Workers, interpreter: Interpreter) -> Self {
+        let pipeline = Pipeline::new(config, workers);
+        Self { pipeline, outputs: Outputs::default(), chain: Chain::default(), interpreter, t_ns: 0 }
+    }
+
+    /// Lets the core have an event.
+    pub fn step(&mut self, event: &Event) -> Step<'_> {
+        self.outputs.clear();
+        self.chain.event(event);
+        self.t_ns = self.t_ns.max(event.arrived.0);
+        if let Body::Config { toml } = &event.body {
+            self.configure(toml);
+        }
+        self.pipeline.step(event, &mut self.outputs);
+        self.account()
+    }
+
+    /// The ledger has ended: what was held back comes out.
+    pub fn finish(&mut self) -> Step<'_> {
+        self.outputs.clear();
+        self.pipeline.finish(&mut self.outputs);
+        let step = self.account();
+        Step { checkpoint: None, ..step }
+    }
+
+    /// The chain's value now.
+    pub fn checkpoint(&self) -> Checkpoint {
+        self.chain.checkpoint(self.t_ns)
+    }
+
+    /// The sensors' counts and states as of everything so far.
+    pub fn sensors(&self) -> Vec<SensorHealth> {
+        self.pipeline.sensors()
+    }
+
+    fn account(&mut self) -> Step<'_> {
+        self.outputs.epochs.iter().for_each(|epoch| self.chain.epoch(epoch));
+        self.outputs.notices.iter().for_each(|notice| self.chain.notice(notice));
+        self.outputs.health.iter().for_each(|health| self.chain.health(health));
+        let checkpoint = self.outputs.health.last().map(|health| self.chain.checkpoint(health.t_ns));
+        Step { outputs: &self.outputs, wall: self.pipeline.wall(), checkpoint }
+    }
+
+    /// A config that cannot be read was written by another version: the session goes on with what it has.
+    fn configure(&mut self, toml: &str) {
+        match (self.interpreter)(toml) {
+            Ok(config) => self.pipeline.configure(config),
+            Err(failure) => tracing::error!("a changed config in the ledger cannot be used: {failure}"),
+        }
+    }
+}
+
+impl core::fmt::Debug for Engine {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Engine").field("chain", &self.chain).finish_non_exhaustive()
+    }
+}
+
+/// Reads changed configs as they stand in a ledger, with the session's own files: a change names no other ones.
+pub fn interpreter(config: &Config, ignore_skips: bool) -> Interpreter {
+    let files = config.attachments();
+    Box::new(move |toml| {
+        let header = RecordingHeader { config: toml.to_owned(), files: files.clone(), ..RecordingHeader::default() };
+        let loaded = config::load_recorded(Recorded { path: "the ledger".into(), header }, &[])?;
+        Ok(CoreConfig { ignore_skips, ..super::setup::core_config(&loaded.config)? })
+    })
+}
+
+/// The core's threads: `threads` in all, the caller's included; 0 = one for each processor.
+///
+/// # Errors
+/// When the system gives no threads.
+pub fn workers(threads: usize) -> Result<Workers, Failure> {
+    let available = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = if threads == 0 { available } else { threads };
+    if threads == 1 {
+        return Ok(Workers::none());
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|n| format!("core-{n}"))
+        .build()
+        .map_err(Failure::failed)?;
+    Ok(Workers::pool(Arc::new(pool)))
+}

@@ -1,0 +1,24 @@
+//! A session: the ledger's events through the core, and what comes out to whoever wants it.
+//!
+//! ```text
+//!   run:    sources ─▶ ledger ─┬─▶ recorder                      replay: INPUT… ─▶ pace ─▶ engine
+//!                              └─▶ engine ─▶ publish ─▶ stream, viewers, log
+//! ```
+//!
+//! * [`setup`]: from the config to what the core has to know;
+//! * [`engine`], [`chain`]: the core with its hash chain, the same for every command;
+//! * [`publish`], [`serve`], [`lines`]: what came out, as lines of the stream, the log and files;
+//! * [`pace`]: how fast a recording is played.
+
+pub mod chain;
+pub mod engine;
+pub mod lines;
+pub mod pace;
+pub mod publish;
+pub mod serve;
+pub mod setup;
+
+pub use chain::Checkpoint;
+pub use engine::{Engine, Step};
+pub use pace::{Pace, Speed};
+pub use publish::{Publish, Shell};

@@ -1,0 +1,47 @@
+//! From the config to what the core has to know of the rig.
+
+use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing};
+use tumbled_model::SensorId;
+
+use crate::cli::Failure;
+use crate::config::{ClockMethod, Config};
+use crate::decoding::{kinect, lidar};
+
+/// The turntable's name among the sensors.
+pub const TURNTABLE: &str = "turntable";
+
+/// The core's view of a rig.
+///
+/// # Errors
+/// A calibration or a depth table that cannot be used: exit code 2.
+pub fn core_config(config: &Config) -> Result<CoreConfig, Failure> {
+    let lidars = config.lidars.iter().map(|sensor| {
+        let mut decoder = lidar::settings(sensor)?;
+        let (min, max) = (sensor.range_min_m.unwrap_or(0.0), sensor.range_max_m.unwrap_or(f64::INFINITY));
+        let limited = sensor.range_min_m.is_some() || sensor.range_max_m.is_some();
+        decoder.range_limits_m = limited.then_some((min as f32, max as f32));
+        let (id, t_rig_lidar, time_offset) = (sensor.id.clone(), sensor.t_rig_lidar, sensor.time_offset);
+        Ok(LidarSetup { id, decoder, t_rig_lidar, time_offset })
+    });
+    let kinects = config.kinects.iter().map(|sensor| {
+        let (table, projector) = (kinect::depth_table(sensor)?, kinect::projector(sensor)?);
+        let (id, t_rig_kinect, time_offset) = (sensor.id.clone(), sensor.t_rig_kinect, sensor.time_offset);
+        Ok(KinectSetup { id, table, projector, t_rig_kinect, time_offset })
+    });
+    Ok(CoreConfig {
+        lidars: lidars.collect::<Result<_, Failure>>()?,
+        kinects: kinects.collect::<Result<_, Failure>>()?,
+        serials: config.turntable.iter().map(|_| SensorId::from(TURNTABLE)).collect(),
+        roi: RegionOfInterest { center: config.target.roi_center, radius_m: config.target.roi_radius_m },
+        timing: Timing {
+            clock: match config.time.clock {
+                ClockMethod::Hull => ClockMode::Hull,
+                ClockMethod::Kalman => ClockMode::Kalman,
+                ClockMethod::Arrival => ClockMode::Arrival,
+            },
+            hold: config.time.hold,
+            silent_after: config.time.silent_after,
+        },
+        ignore_skips: false,
+    })
+}
