@@ -8,6 +8,8 @@ mod config_session;
 mod export_cli;
 mod export_losses;
 mod export_outputs;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod golden;
 mod info_cli;
 mod record_cli;

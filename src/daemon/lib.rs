@@ -3,6 +3,7 @@
 //! * [`cli`]: the commands, one file each, and what they share: arguments, outcomes, exit codes, output;
 //! * [`config`]: one TOML file to a checked rig;
 //! * [`decoding`]: inputs and a config to decoded sensor data;
+//! * [`foxglove`]: the bridge to Foxglove and Lichtblick;
 //! * [`quantity`]: durations and sizes as people write them;
 //! * [`stream`]: the state stream to whoever connects;
 //! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
@@ -11,6 +12,7 @@
 pub mod cli;
 pub mod config;
 pub mod decoding;
+pub mod foxglove;
 pub mod quantity;
 pub mod schema;
 pub mod session;

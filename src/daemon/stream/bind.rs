@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use socket2::{Domain, Protocol, Socket, Type};
 use thiserror::Error;
 
-use super::hello::StreamOrigin;
+use super::reach::NonLive;
 
 /// Where the stream's Unix socket is unless the config says otherwise. systemd makes the folder.
 pub const DEFAULT_SOCKET: &str = "/run/tumbled/state.sock";
@@ -51,13 +51,8 @@ pub enum StreamError {
         source: io::Error,
     },
     /// An address that others reach, for data that are no measurement.
-    #[error("the state stream on {address} would be seen by other machines, and the data are {}, not live: name a loopback address, or allow it with --allow-nonlive", origin.name())]
-    NonLive {
-        /// The address.
-        address: SocketAddr,
-        /// Where the data come from.
-        origin: StreamOrigin,
-    },
+    #[error(transparent)]
+    NonLive(#[from] NonLive),
     /// The Unix socket cannot be made.
     #[error("cannot make the Unix socket {}: {source}; make its folder writable, or name another path in [stream] unix", path.display())]
     Unix {
@@ -95,18 +90,6 @@ pub(super) fn tcp(address: SocketAddr) -> Result<std::net::TcpListener, StreamEr
         Ok(socket.into())
     };
     listen().map_err(|source| StreamError::Tcp { address, source })
-}
-
-/// Refuses an address that others reach unless the data are live or it is allowed.
-pub(super) fn check_reach(address: SocketAddr, origin: StreamOrigin, allow_nonlive: bool) -> Result<(), StreamError> {
-    if address.ip().to_canonical().is_loopback() {
-        return Ok(());
-    }
-    if origin != StreamOrigin::Live && !allow_nonlive {
-        return Err(StreamError::NonLive { address, origin });
-    }
-    tracing::warn!(%address, origin = origin.name(), "the state stream can be read by other machines, as configured");
-    Ok(())
 }
 
 /// A Unix socket's file, removed when dropped unless it is another's by then.
@@ -178,18 +161,6 @@ fn listen(path: &Path) -> io::Result<(UnixListener, SocketFile)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn only_live_data_leave_the_machine_unless_it_is_allowed() {
-        let elsewhere: SocketAddr = "0.0.0.0:7117".parse().expect("an address");
-        for origin in [StreamOrigin::Replay, StreamOrigin::Simulated] {
-            let error = check_reach(elsewhere, origin, false).expect_err("refused");
-            assert!(error.to_string().contains("--allow-nonlive") && error.to_string().contains(origin.name()));
-            assert!(check_reach(elsewhere, origin, true).is_ok());
-            assert!(check_reach("[::1]:7117".parse().expect("an address"), origin, false).is_ok());
-        }
-        assert!(check_reach(elsewhere, StreamOrigin::Live, false).is_ok());
-    }
 
     #[test]
     fn a_file_that_is_another_servers_by_now_is_not_removed() {

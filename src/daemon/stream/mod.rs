@@ -9,7 +9,7 @@
 //! * [`class`], [`hello`], [`health`], [`cloud`], [`event`]: the lines and what is in them;
 //! * [`frame`]: a line that many clients share; `queue`: what waits for one of them;
 //! * [`request`]: what a client may ask for; `client`: its task;
-//! * [`bind`], `accept`, [`limits`]: where it listens, who comes in, what each may take;
+//! * [`bind`], [`reach`], `accept`, [`limits`]: where it listens, who comes in, what each may take;
 //! * [`hub`], [`server`]: all clients, and the server as the daemon sees it.
 //!
 //! Whoever publishes never waits: not for a client, not for the network. The protocol for users is `docs/stream.md`.
@@ -26,6 +26,7 @@ pub mod hello;
 pub mod hub;
 pub mod limits;
 mod queue;
+pub mod reach;
 pub mod request;
 pub mod server;
 

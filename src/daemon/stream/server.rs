@@ -17,6 +17,7 @@ use super::bind::{self, SocketFile, SocketPath, StreamError};
 use super::hello::{Hello, StreamOrigin};
 use super::hub::{ClientTotals, Hub, Publisher};
 use super::limits::Limits;
+use super::reach;
 
 /// Worker threads: one may be busy with a large line while the other serves the rest.
 const WORKERS: usize = 2;
@@ -66,7 +67,7 @@ impl StreamServer {
     /// [`StreamError`]: an address or a path cannot be had, or must not be for these data.
     pub fn start(config: StreamConfig, hello: &Hello) -> Result<Self, StreamError> {
         if let Some(address) = config.tcp {
-            bind::check_reach(address, hello.origin, config.allow_nonlive)?;
+            reach::check("the state stream", address, hello.origin, config.allow_nonlive)?;
         }
         let tcp = config.tcp.map(bind::tcp).transpose()?;
         let unix = config.unix.as_ref().map(bind::unix).transpose()?.flatten();

@@ -1,0 +1,121 @@
+//! Our data as Foxglove's messages.
+
+use foxglove::messages::packed_element_field::NumericType;
+use foxglove::messages::{
+    FrameTransform, FrameTransforms, Log, PackedElementField, PointCloud, Pose, Quaternion, Timestamp, Vector3, log,
+};
+
+use super::{SensorPose, VIEW_POINTS};
+use crate::stream::{CloudView, EventLevel, EventLine};
+
+/// Bytes of a point: x, y, z and the intensity, four f32.
+const POINT_BYTES: usize = 16;
+
+/// Wall time as Foxglove's stamp. Before 1970 and after 2106 it is left out: the format cannot say it.
+pub(super) fn timestamp(unix_ns: i64) -> Option<Timestamp> {
+    let sec = u32::try_from(unix_ns.div_euclid(1_000_000_000)).ok()?;
+    let nsec = u32::try_from(unix_ns.rem_euclid(1_000_000_000)).ok()?;
+    Some(Timestamp::new(sec, nsec))
+}
+
+/// The same for the message's own stamp, which cannot be left out.
+pub(super) fn log_time(unix_ns: i64) -> u64 {
+    u64::try_from(unix_ns).unwrap_or(0)
+}
+
+/// A cloud of at most [`VIEW_POINTS`] points. Points that are not finite are left out; without intensity it is 0.
+pub(super) fn point_cloud(cloud: &CloudView<'_>) -> PointCloud {
+    let decimation = cloud.decimation(VIEW_POINTS);
+    let mut data = Vec::with_capacity(POINT_BYTES * (cloud.xyz.len() / decimation + 1));
+    for (index, point) in cloud.xyz.iter().enumerate().step_by(decimation) {
+        if !point.iter().all(|coordinate| coordinate.is_finite()) {
+            continue;
+        }
+        let intensity = cloud.intensity.and_then(|all| all.get(index)).copied().unwrap_or(0);
+        for value in point.iter().chain(&[f32::from(intensity)]) {
+            data.extend_from_slice(&value.to_le_bytes());
+        }
+    }
+    let field =
+        |name: &str, offset| PackedElementField { name: name.to_owned(), offset, r#type: NumericType::Float32 as i32 };
+    PointCloud {
+        timestamp: timestamp(cloud.unix.0),
+        frame_id: cloud.frame.to_owned(),
+        pose: Some(Pose {
+            position: Some(Vector3 { x: 0.0, y: 0.0, z: 0.0 }),
+            orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+        }),
+        point_stride: POINT_BYTES as u32,
+        fields: vec![field("x", 0), field("y", 4), field("z", 8), field("intensity", 12)],
+        data: data.into(),
+    }
+}
+
+/// How the sensors are mounted, at an instant.
+pub(super) fn transforms(poses: &[SensorPose], unix_ns: i64) -> FrameTransforms {
+    let transform = |pose: &SensorPose| {
+        let ([tx, ty, tz], [rx, ry, rz, rw]) = (pose.translation_m, pose.rotation_xyzw);
+        FrameTransform {
+            timestamp: timestamp(unix_ns),
+            parent_frame_id: "rig".to_owned(),
+            child_frame_id: pose.sensor.to_string(),
+            translation: Some(Vector3 { x: tx, y: ty, z: tz }),
+            rotation: Some(Quaternion { x: rx, y: ry, z: rz, w: rw }),
+        }
+    };
+    FrameTransforms { transforms: poses.iter().map(transform).collect() }
+}
+
+/// An event as a line of the viewer's log.
+pub(super) fn log_line(event: &EventLine) -> Log {
+    let level = match event.level {
+        EventLevel::Info => log::Level::Info,
+        EventLevel::Warn => log::Level::Warning,
+        EventLevel::Error => log::Level::Error,
+    };
+    Log {
+        timestamp: event.unix_ns.parse().ok().and_then(timestamp),
+        level: level as i32,
+        message: format!("{}: {}", event.kind, event.message),
+        name: event.sensor.clone().unwrap_or_else(|| "rig".to_owned()),
+        file: String::new(),
+        line: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tumbled_model::{RigNs, SensorId, UnixNs};
+
+    use super::*;
+    use crate::stream::CloudKind;
+
+    #[test]
+    fn a_point_is_four_floats_and_what_is_not_finite_is_left_out() {
+        let sensor = SensorId::from("front");
+        let xyz = [[1.0, -2.5, 3.0], [f32::NAN, 0.0, 0.0], [4.0, 5.0, 6.0]];
+        let cloud = CloudView {
+            sensor: &sensor,
+            kind: CloudKind::Lidar,
+            epoch: 0,
+            t: RigNs(0),
+            unix: UnixNs(1_795_341_600_500_000_000),
+            frame: "front",
+            xyz: &xyz,
+            intensity: Some(&[7, 8, 9]),
+        };
+        let message = point_cloud(&cloud);
+        let values: Vec<f32> =
+            message.data.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        assert_eq!(values, [1.0, -2.5, 3.0, 7.0, 4.0, 5.0, 6.0, 9.0]);
+        assert_eq!((message.point_stride, message.frame_id.as_str()), (16, "front"));
+        assert_eq!(message.timestamp, Some(Timestamp::new(1_795_341_600, 500_000_000)));
+    }
+
+    #[test]
+    fn times_the_format_cannot_say_are_left_out() {
+        // 2^32 s after 1970, and 1 ns before it.
+        assert_eq!((timestamp(4_294_967_296 * 1_000_000_000), timestamp(-1)), (None, None));
+        assert_eq!(timestamp(0), Some(Timestamp::new(0, 0)));
+    }
+}
