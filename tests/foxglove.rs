@@ -7,7 +7,8 @@ use foxglove::Decode;
 use foxglove::messages::{FrameTransforms, Log, PointCloud};
 use serde_json::{Value, json};
 use tumbled::foxglove::{FoxgloveBridge, FoxgloveConfig, FoxgloveError, SensorPose, VIEW_POINTS};
-use tumbled::stream::{CloudKind, CloudView, EventLevel, EventLine, StreamOrigin};
+use tumbled::stream::{CloudKind, CloudView, EventLine, StreamOrigin};
+use tumbled_core::{Gravity, Notice, NoticeKind};
 use tumbled_model::{RigNs, SensorId, UnixNs};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
@@ -90,9 +91,23 @@ impl Viewer {
     }
 }
 
-fn cloud<'a>(sensor: &'a SensorId, xyz: &'a [[f32; 3]]) -> CloudView<'a> {
-    let frame = sensor.as_str();
-    CloudView { sensor, kind: CloudKind::Lidar, epoch: 1, t: RigNs(0), unix: UNIX, frame, xyz, intensity: None }
+/// Points along x, one a metre, at y = 1 m and z = 2 m.
+struct Row {
+    sensor: SensorId,
+    columns: [Vec<f32>; 3],
+}
+
+impl Row {
+    fn of(points: usize) -> Self {
+        let x = (0..points).map(|i| i as f32).collect();
+        Self { sensor: SensorId::from("front"), columns: [x, vec![1.0; points], vec![2.0; points]] }
+    }
+
+    fn view(&self) -> CloudView<'_> {
+        let ([x, y, z], sensor) = (&self.columns, &self.sensor);
+        let (kind, frame) = (CloudKind::Lidar, sensor.as_str());
+        CloudView { sensor, kind, epoch: 1, t: RigNs(0), unix: UNIX, frame, x, y, z, intensity: None }
+    }
 }
 
 #[test]
@@ -116,16 +131,15 @@ fn a_viewer_is_told_the_origin_and_the_channels_with_their_schemas() {
 #[test]
 fn a_cloud_comes_to_who_subscribed_thinned_out_with_its_points() {
     let mut bridge = bridge();
-    let sensor = SensorId::from("front");
     // 50 000 points, at most 20 000: every third, that is 16 667.
-    let xyz: Vec<[f32; 3]> = (0..50_000).map(|i| [i as f32, 1.0, 2.0]).collect();
+    let row = Row::of(50_000);
     let (mut viewer, _) = Viewer::connect(&bridge);
     assert!(!bridge.wants_cloud("front"));
-    bridge.cloud(&cloud(&sensor, &xyz));
+    bridge.cloud(&row.view());
     assert_eq!(bridge.totals().clouds, 0, "nobody looks");
     viewer.subscribe("/cloud/front", 7);
     wait_until("the subscription is known", || bridge.wants_cloud("front"));
-    bridge.cloud(&cloud(&sensor, &xyz));
+    bridge.cloud(&row.view());
     let (id, stamp, payload) = viewer.data();
     assert_eq!((id, stamp), (7, UNIX.0 as u64));
     let message = PointCloud::decode(payload.as_slice()).expect("a PointCloud");
@@ -138,13 +152,13 @@ fn a_cloud_comes_to_who_subscribed_thinned_out_with_its_points() {
 #[test]
 fn clouds_faster_than_ten_a_second_are_thinned_out_and_counted() {
     let mut bridge = bridge();
-    let sensor = SensorId::from("front");
+    let row = Row::of(1);
     let (mut viewer, _) = Viewer::connect(&bridge);
     viewer.subscribe("/cloud/front", 1);
     wait_until("the subscription is known", || bridge.wants_cloud("front"));
     let started = std::time::Instant::now();
     for _ in 0..50 {
-        bridge.cloud(&cloud(&sensor, &[[1.0; 3]]));
+        bridge.cloud(&row.view());
     }
     let most = 1 + started.elapsed().as_millis() as u64 / 100;
     let totals = bridge.totals();
@@ -163,15 +177,14 @@ fn mounting_health_and_events_come_on_their_topics() {
     viewer.socket.send(Message::text("?")).expect("sends");
     while viewer.text()["op"] != "status" {}
     bridge.health(&json!({ "class": "HEALTH", "level": "ok" }), UNIX.0);
-    let origin = StreamOrigin::Simulated;
-    bridge.event(&EventLine::new(
-        origin,
-        (RigNs(0), UNIX),
-        None,
-        "wall_step",
-        EventLevel::Warn,
-        "the wall clock stepped",
-    ));
+    let notice = Notice {
+        t: RigNs(0),
+        sensor: None,
+        gravity: Gravity::Warn,
+        kind: NoticeKind::WallStep,
+        message: "the wall clock stepped".to_owned(),
+    };
+    bridge.event(&EventLine::of_notice(StreamOrigin::Simulated, &notice, UNIX));
     let messages = [viewer.data(), viewer.data(), viewer.data()];
     assert_eq!(messages.each_ref().map(|(id, stamp, _)| (*id, *stamp)), [0, 1, 2].map(|id| (id, UNIX.0 as u64)));
     let tf = FrameTransforms::decode(messages[0].2.as_slice()).expect("FrameTransforms");

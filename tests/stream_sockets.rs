@@ -5,13 +5,14 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::os::unix::net::UnixListener;
 use std::path::PathBuf;
 
-use tumbled::stream::{Class, Limits, SocketPath, StreamConfig, StreamError, StreamServer};
+use tumbled::config::UnixPath;
+use tumbled::stream::{Class, Limits, StreamConfig, StreamError, StreamServer};
 
 use crate::support::Workbench;
 use crate::support::stream::{Client, hello, marked, on_a_free_port, server};
 
 fn with_socket(path: PathBuf, configured: bool) -> StreamConfig {
-    StreamConfig { unix: Some(SocketPath { path, configured }), ..on_a_free_port(Limits::default()) }
+    StreamConfig { unix: Some(UnixPath { path, configured }), ..on_a_free_port(Limits::default()) }
 }
 
 #[test]

@@ -202,7 +202,7 @@ fn title(hello: &Hello) -> String {
 }
 
 fn health_schema() -> Schema {
-    let schema = schema_for!(HealthLine<serde_json::Value>);
+    let schema = schema_for!(HealthLine);
     Schema::new("tumbled.Health", "jsonschema", schema.as_value().to_string().into_bytes())
 }
 

@@ -5,8 +5,10 @@ use foxglove::messages::{
     FrameTransform, FrameTransforms, Log, PackedElementField, PointCloud, Pose, Quaternion, Timestamp, Vector3, log,
 };
 
+use tumbled_core::Gravity;
+
 use super::{SensorPose, VIEW_POINTS};
-use crate::stream::{CloudView, EventLevel, EventLine};
+use crate::stream::{CloudView, EventLine};
 
 /// Bytes of a point: x, y, z and the intensity, four f32.
 const POINT_BYTES: usize = 16;
@@ -25,13 +27,8 @@ pub(super) fn log_time(unix_ns: i64) -> u64 {
 
 /// A cloud of at most [`VIEW_POINTS`] points. Points that are not finite are left out; without intensity it is 0.
 pub(super) fn point_cloud(cloud: &CloudView<'_>) -> PointCloud {
-    let decimation = cloud.decimation(VIEW_POINTS);
-    let mut data = Vec::with_capacity(POINT_BYTES * (cloud.xyz.len() / decimation + 1));
-    for (index, point) in cloud.xyz.iter().enumerate().step_by(decimation) {
-        if !point.iter().all(|coordinate| coordinate.is_finite()) {
-            continue;
-        }
-        let intensity = cloud.intensity.and_then(|all| all.get(index)).copied().unwrap_or(0);
+    let mut data = Vec::with_capacity(POINT_BYTES * cloud.len().min(VIEW_POINTS));
+    for (point, intensity) in cloud.thinned_out(VIEW_POINTS) {
         for value in point.iter().chain(&[f32::from(intensity)]) {
             data.extend_from_slice(&value.to_le_bytes());
         }
@@ -69,9 +66,9 @@ pub(super) fn transforms(poses: &[SensorPose], unix_ns: i64) -> FrameTransforms 
 /// An event as a line of the viewer's log.
 pub(super) fn log_line(event: &EventLine) -> Log {
     let level = match event.level {
-        EventLevel::Info => log::Level::Info,
-        EventLevel::Warn => log::Level::Warning,
-        EventLevel::Error => log::Level::Error,
+        Gravity::Info => log::Level::Info,
+        Gravity::Warn => log::Level::Warning,
+        Gravity::Error => log::Level::Error,
     };
     Log {
         timestamp: event.unix_ns.parse().ok().and_then(timestamp),
@@ -93,7 +90,7 @@ mod tests {
     #[test]
     fn a_point_is_four_floats_and_what_is_not_finite_is_left_out() {
         let sensor = SensorId::from("front");
-        let xyz = [[1.0, -2.5, 3.0], [f32::NAN, 0.0, 0.0], [4.0, 5.0, 6.0]];
+        let (x, y, z) = ([1.0, f32::NAN, 4.0], [-2.5, 0.0, 5.0], [3.0, 0.0, 6.0]);
         let cloud = CloudView {
             sensor: &sensor,
             kind: CloudKind::Lidar,
@@ -101,7 +98,9 @@ mod tests {
             t: RigNs(0),
             unix: UnixNs(1_795_341_600_500_000_000),
             frame: "front",
-            xyz: &xyz,
+            x: &x,
+            y: &y,
+            z: &z,
             intensity: Some(&[7, 8, 9]),
         };
         let message = point_cloud(&cloud);

@@ -11,30 +11,13 @@ use socket2::{Domain, Protocol, Socket, Type};
 use thiserror::Error;
 
 use super::reach::NonLive;
-
-/// Where the stream's Unix socket is unless the config says otherwise. systemd makes the folder.
-pub const DEFAULT_SOCKET: &str = "/run/tumbled/state.sock";
+use crate::config::UnixPath;
 
 /// Everybody on the machine may read the state, as over loopback; the folder's mode can narrow that.
 const SOCKET_MODE: u32 = 0o666;
 
 /// Connections the kernel holds until they are accepted: a burst of a second.
 const BACKLOG: i32 = 1_024;
-
-/// The path of a Unix socket.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SocketPath {
-    /// The path.
-    pub path: PathBuf,
-    /// Whether somebody asked for it. A default path that cannot be written is left out with a warning.
-    pub configured: bool,
-}
-
-impl Default for SocketPath {
-    fn default() -> Self {
-        Self { path: DEFAULT_SOCKET.into(), configured: false }
-    }
-}
 
 /// Why the stream could not start.
 #[derive(Debug, Error)]
@@ -120,7 +103,7 @@ fn identity(file: &fs::Metadata) -> (u64, u64) {
 }
 
 /// Listens on a Unix socket. `None`: the default path cannot be written, which has been told.
-pub(super) fn unix(socket: &SocketPath) -> Result<Option<(UnixListener, SocketFile)>, StreamError> {
+pub(super) fn unix(socket: &UnixPath) -> Result<Option<(UnixListener, SocketFile)>, StreamError> {
     clear(&socket.path)?;
     match listen(&socket.path) {
         Ok(bound) => Ok(Some(bound)),
@@ -166,7 +149,7 @@ mod tests {
     fn a_file_that_is_another_servers_by_now_is_not_removed() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("state.sock");
-        let socket = SocketPath { path: path.clone(), configured: true };
+        let socket = UnixPath { path: path.clone(), configured: true };
         let (listener, file) = unix(&socket).expect("bound").expect("a socket");
         // Kept elsewhere, so that its inode is not given to the next file.
         fs::rename(&path, folder.path().join("old.sock")).expect("renamed");

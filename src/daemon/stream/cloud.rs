@@ -2,16 +2,11 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tumbled_core::{Epoch, RigCloud, Scan};
 use tumbled_model::{RigNs, SensorId, UnixNs};
 
 use super::class::Class;
 use super::hello::StreamOrigin;
-
-/// Points of a CLOUD line unless the config says otherwise: about 50 kB.
-pub const CLOUD_POINTS: usize = 2_000;
-
-/// The most the config may ask for: about 0.5 MB a line.
-pub const CLOUD_POINTS_MAX: usize = 20_000;
 
 /// What measured a cloud.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -54,7 +49,7 @@ pub struct CloudLine {
     pub intensity: Option<Vec<u8>>,
 }
 
-/// A cloud as it was measured: borrowed, not thinned out.
+/// A cloud as it was measured: borrowed, not thinned out. The columns are equally long.
 #[derive(Clone, Copy, Debug)]
 pub struct CloudView<'a> {
     /// The sensor.
@@ -69,36 +64,57 @@ pub struct CloudView<'a> {
     pub unix: UnixNs,
     /// The frame of the coordinates: `rig`, or the sensor's id for its own.
     pub frame: &'a str,
-    /// x, y, z, m.
-    pub xyz: &'a [[f32; 3]],
-    /// Calibrated reflectivity of each point, 0 to 255; as long as `xyz`, or it is left out.
+    /// x of each point, m.
+    pub x: &'a [f32],
+    /// y of each point, m.
+    pub y: &'a [f32],
+    /// z of each point, m.
+    pub z: &'a [f32],
+    /// Calibrated reflectivity of each point, 0 to 255, where the sensor has it.
     pub intensity: Option<&'a [u8]>,
 }
 
-impl CloudView<'_> {
+impl<'a> CloudView<'a> {
+    /// An epoch's points in the rig's frame; `unix` is the wall time at the epoch's.
+    pub fn of_epoch(epoch: &'a Epoch, unix: UnixNs) -> Self {
+        let (kind, intensity) = match &epoch.scan {
+            Scan::Lidar(scan) => (CloudKind::Lidar, Some(scan.points.intensity.as_slice())),
+            Scan::Kinect(_) => (CloudKind::Kinect, None),
+        };
+        let RigCloud { x, y, z, .. } = &epoch.rig;
+        Self { sensor: &epoch.sensor, kind, epoch: epoch.number, t: epoch.t, unix, frame: "rig", x, y, z, intensity }
+    }
+
+    /// How many points.
+    pub fn len(&self) -> usize {
+        self.x.len().min(self.y.len()).min(self.z.len())
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     /// Every so many-th point has to be taken for at most `max` of them; at least 1.
     pub fn decimation(&self, max: usize) -> usize {
-        self.xyz.len().div_ceil(max.max(1)).max(1)
+        self.len().div_ceil(max.max(1)).max(1)
+    }
+
+    /// Every [`CloudView::decimation`]-th point with its intensity (0 without). Those that are not finite are left out.
+    pub fn thinned_out(&self, max: usize) -> impl Iterator<Item = ([f32; 3], u8)> + use<'a> {
+        let intensity = self.intensity.unwrap_or_default();
+        let points = self.x.iter().zip(self.y).zip(self.z).enumerate().step_by(self.decimation(max));
+        points
+            .map(move |(index, ((x, y), z))| ([*x, *y, *z], intensity.get(index).copied().unwrap_or(0)))
+            .filter(|(point, _)| point.iter().all(|coordinate| coordinate.is_finite()))
     }
 }
 
 impl CloudLine {
-    /// The line of a cloud with at most `max` points (at most [`CLOUD_POINTS_MAX`]). Points that are not finite are left
-    /// out.
+    /// The line of a cloud with at most `max` points. Points that are not finite are left out.
     pub fn new(origin: StreamOrigin, cloud: &CloudView<'_>, max: usize) -> Self {
-        let decimation = cloud.decimation(max.min(CLOUD_POINTS_MAX));
-        let intensity = cloud.intensity.filter(|intensity| intensity.len() == cloud.xyz.len());
-        let mut xyz_m = Vec::with_capacity(cloud.xyz.len() / decimation + 1);
-        let mut kept_intensity = intensity.map(|_| Vec::with_capacity(cloud.xyz.len() / decimation + 1));
-        for (index, point) in cloud.xyz.iter().enumerate().step_by(decimation) {
-            if !point.iter().all(|coordinate| coordinate.is_finite()) {
-                continue;
-            }
-            xyz_m.push(point.map(to_millimetre));
-            if let (Some(kept), Some(value)) = (&mut kept_intensity, intensity.and_then(|all| all.get(index))) {
-                kept.push(*value);
-            }
-        }
+        let (xyz_m, intensity): (Vec<_>, Vec<_>) =
+            cloud.thinned_out(max).map(|(point, intensity)| (point.map(to_millimetre), intensity)).unzip();
         Self {
             class: Class::Cloud,
             origin,
@@ -108,10 +124,10 @@ impl CloudLine {
             t_ns: cloud.t.0,
             unix_ns: cloud.unix.0.to_string(),
             frame: cloud.frame.to_owned(),
-            points_total: cloud.xyz.len() as u64,
-            decimation: decimation as u64,
+            points_total: cloud.len() as u64,
+            decimation: cloud.decimation(max) as u64,
             xyz_m,
-            intensity: kept_intensity,
+            intensity: cloud.intensity.map(|_| intensity),
         }
     }
 }
@@ -127,6 +143,8 @@ mod tests {
 
     fn line(xyz: &[[f32; 3]], intensity: Option<&[u8]>, max: usize) -> CloudLine {
         let sensor = SensorId::from("front");
+        let column = |axis: usize| xyz.iter().map(|point| point[axis]).collect::<Vec<_>>();
+        let (x, y, z) = (column(0), column(1), column(2));
         let cloud = CloudView {
             sensor: &sensor,
             kind: CloudKind::Lidar,
@@ -134,7 +152,9 @@ mod tests {
             t: RigNs(5),
             unix: UnixNs(1_795_341_600_000_000_005),
             frame: "rig",
-            xyz,
+            x: &x,
+            y: &y,
+            z: &z,
             intensity,
         };
         CloudLine::new(StreamOrigin::Replay, &cloud, max)
@@ -168,10 +188,29 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_cloud_is_a_line_of_its_own_and_a_wrong_intensity_is_left_out() {
+    fn an_empty_cloud_is_a_line_of_its_own() {
         let empty = line(&[], None, 0);
         assert_eq!((empty.points_total, empty.decimation, empty.xyz_m.len()), (0, 1, 0));
-        assert_eq!(line(&[[0.0; 3]; 2], Some(&[1]), 2_000).intensity, None);
+    }
+
+    #[test]
+    fn an_epochs_points_are_those_in_the_rigs_frame() {
+        let mut scan = tumbled_core::LidarScan::default();
+        scan.points.intensity = vec![9];
+        let epoch = Epoch {
+            number: 4,
+            sensor: SensorId::from("front"),
+            t: RigNs(5),
+            span: (RigNs(0), RigNs(9)),
+            sigma: tumbled_model::Span(1),
+            basis: tumbled_core::TimeBasis::Arrival,
+            arrived: RigNs(10),
+            scan: Scan::Lidar(Box::new(scan)),
+            rig: RigCloud { x: vec![1.0], y: vec![2.0], z: vec![3.0], in_roi: vec![true] },
+        };
+        let view = CloudView::of_epoch(&epoch, UnixNs(7));
+        assert_eq!(view.thinned_out(10).collect::<Vec<_>>(), [([1.0, 2.0, 3.0], 9)]);
+        assert_eq!((view.frame, view.epoch, view.unix), ("rig", 4, UnixNs(7)));
     }
 
     #[test]
@@ -179,8 +218,8 @@ mod tests {
         // 2 000 points of three 6-character numbers, commas and brackets: 2 000 × (3 × 6 + 5) = 46 kB, and 4 each for
         // the intensity.
         let xyz: Vec<[f32; 3]> = (0..57_600).map(|i| [9.0 + i as f32 * 1e-4, -7.123, 3.456_7]).collect();
-        let line = line(&xyz, Some(&vec![100; 57_600]), CLOUD_POINTS);
+        let line = line(&xyz, Some(&vec![100; 57_600]), 2_000);
         let bytes = serde_json::to_string(&line).expect("JSON").len();
-        assert!(line.xyz_m.len() <= CLOUD_POINTS && bytes < 64_000, "{} points, {bytes} bytes", line.xyz_m.len());
+        assert!(line.xyz_m.len() <= 2_000 && bytes < 64_000, "{} points, {bytes} bytes", line.xyz_m.len());
     }
 }

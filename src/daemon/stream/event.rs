@@ -2,22 +2,11 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tumbled_core::{Gravity, Notice};
 use tumbled_model::{RigNs, SensorId, UnixNs};
 
 use super::class::Class;
 use super::hello::StreamOrigin;
-
-/// How grave an event is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum EventLevel {
-    /// Good to know.
-    Info,
-    /// Something is worse than it should be.
-    Warn,
-    /// Data were lost or cannot be trusted.
-    Error,
-}
 
 /// Something that happened once, e.g. a sensor that was lost, a clock that was reset.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -31,25 +20,33 @@ pub struct EventLine {
     pub t_ns: i64,
     /// The same as wall time, ns since 1970-01-01 UTC as a decimal string.
     pub unix_ns: String,
-    /// Whose event; none: the rig's.
+    /// Whose event; null: the session's.
     pub sensor: Option<String>,
-    /// A word for programs, e.g. `clock_reset`.
+    /// A word for programs: those of the core's notices, e.g. `clock_reset`, and the daemon's own.
     pub kind: String,
     /// How grave it is.
-    pub level: EventLevel,
+    pub level: Gravity,
     /// A sentence for people.
     pub message: String,
 }
 
 impl EventLine {
-    /// Of something that happened at `t`, wall time `unix`, to `sensor` or to the rig.
+    /// What the core noticed; `unix` is the wall time at the notice's.
+    pub fn of_notice(origin: StreamOrigin, notice: &Notice, unix: UnixNs) -> Self {
+        // A kind without fields is one word.
+        let word = serde_json::to_value(notice.kind).ok();
+        let kind = word.as_ref().and_then(|word| word.as_str()).unwrap_or_default();
+        Self::new(origin, (notice.t, unix), notice.sensor.as_ref(), kind, notice.gravity, &notice.message)
+    }
+
+    /// Of something that happened at `t`, wall time `unix`, to `sensor` or to the session.
     pub fn new(
         origin: StreamOrigin,
         (t, unix): (RigNs, UnixNs),
         sensor: Option<&SensorId>,
         kind: &str,
-        level: EventLevel,
-        message: impl Into<String>,
+        level: Gravity,
+        message: &str,
     ) -> Self {
         Self {
             class: Class::Event,
@@ -59,7 +56,32 @@ impl EventLine {
             sensor: sensor.map(ToString::to_string),
             kind: kind.to_owned(),
             level,
-            message: message.into(),
+            message: message.to_owned(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tumbled_core::NoticeKind;
+
+    use super::*;
+
+    #[test]
+    fn a_notice_becomes_a_line_with_its_kind_as_a_word() {
+        let notice = Notice {
+            t: RigNs(7),
+            sensor: Some(SensorId::from("front")),
+            gravity: Gravity::Warn,
+            kind: NoticeKind::ClockReset,
+            message: "the clock began anew".to_owned(),
+        };
+        let line = EventLine::of_notice(StreamOrigin::Live, &notice, UnixNs(9));
+        assert_eq!(
+            serde_json::to_string(&line).expect("JSON"),
+            r#"{"class":"EVENT","origin":"live","t_ns":7,"unix_ns":"9","sensor":"front","kind":"clock_reset","#
+                .to_owned()
+                + r#""level":"warn","message":"the clock began anew"}"#
+        );
     }
 }

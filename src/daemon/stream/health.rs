@@ -5,62 +5,53 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tumbled_core::health::{CoreHealth, Level, Reason};
 use tumbled_model::{RigNs, UnixNs};
 
 use super::class::Class;
 use super::hello::StreamOrigin;
 use super::hub::ClientTotals;
 
-/// How a whole is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum HealthLevel {
-    /// All is as it should be.
-    Ok,
-    /// It measures, but something is missing: the reasons say what.
-    Degraded,
-    /// It does not measure.
-    Failed,
-}
-
-/// Health, once a second. `C` is the core's part.
+/// Health, once a second.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "tumbled stream: HEALTH")]
-pub struct HealthLine<C> {
+pub struct HealthLine {
     /// HEALTH.
     pub class: Class,
     /// Where the data come from.
     pub origin: StreamOrigin,
-    /// When, ns on the session's timeline.
+    /// When the shell's facts were read, ns on the session's timeline.
     pub t_ns: i64,
     /// The same as wall time, ns since 1970-01-01 UTC as a decimal string.
     pub unix_ns: String,
     /// The worse of the core's level and the shell's.
-    pub level: HealthLevel,
-    /// Why the level is not `ok`, each with what to do; empty if it is.
-    pub reasons: Vec<String>,
+    pub level: Level,
     /// What follows from the ledger: sensors, losses, clocks. The same on replay.
-    pub core: C,
+    pub core: CoreHealth,
     /// What is so now, on this machine.
     pub shell: ShellHealth,
 }
 
-impl<C> HealthLine<C> {
-    /// At `t`, wall time `unix`, with the level and reasons of both parts together.
-    pub fn new(
-        origin: StreamOrigin,
-        (t, unix): (RigNs, UnixNs),
-        (level, reasons): (HealthLevel, Vec<String>),
-        core: C,
-        shell: ShellHealth,
-    ) -> Self {
-        Self { class: Class::Health, origin, t_ns: t.0, unix_ns: unix.0.to_string(), level, reasons, core, shell }
+impl HealthLine {
+    /// Both parts at `t`, wall time `unix`.
+    pub fn new(origin: StreamOrigin, (t, unix): (RigNs, UnixNs), core: CoreHealth, shell: ShellHealth) -> Self {
+        Self {
+            class: Class::Health,
+            origin,
+            t_ns: t.0,
+            unix_ns: unix.0.to_string(),
+            level: core.level.max(shell.level()),
+            core,
+            shell,
+        }
     }
 }
 
 /// The part of health that is not replayed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ShellHealth {
+    /// What is not as it should be on this machine, and what to do about it, a sentence each.
+    pub reasons: Vec<Reason>,
     /// Since the session's start, s.
     pub uptime_s: f64,
     /// Memory of the process that is in RAM, bytes; null where the system does not say.
@@ -75,6 +66,13 @@ pub struct ShellHealth {
     pub stream: StreamHealth,
     /// How long the steps of the work take, over the last minute.
     pub steps: Vec<StepHealth>,
+}
+
+impl ShellHealth {
+    /// The worst of its reasons.
+    pub fn level(&self) -> Level {
+        self.reasons.iter().map(|reason| reason.level).max().unwrap_or_default()
+    }
 }
 
 /// A queue between two threads.

@@ -30,14 +30,12 @@ pub mod reach;
 pub mod request;
 pub mod server;
 
-pub use bind::{DEFAULT_SOCKET, SocketPath, StreamError};
+pub use bind::StreamError;
 pub use class::Class;
-pub use cloud::{CLOUD_POINTS, CLOUD_POINTS_MAX, CloudKind, CloudLine, CloudView};
-pub use event::{EventLevel, EventLine};
+pub use cloud::{CloudKind, CloudLine, CloudView};
+pub use event::EventLine;
 pub use frame::Sent;
-pub use health::{
-    HealthLevel, HealthLine, QueueHealth, RecorderHealth, RecorderStatus, ShellHealth, StepHealth, StreamHealth,
-};
+pub use health::{HealthLine, QueueHealth, RecorderHealth, RecorderStatus, ShellHealth, StepHealth, StreamHealth};
 pub use hello::{ErrorLine, Hello, StreamOrigin};
 pub use hub::{ClientTotals, Publisher};
 pub use limits::Limits;

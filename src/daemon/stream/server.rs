@@ -13,11 +13,12 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
 use super::accept::{Listener, accept};
-use super::bind::{self, SocketFile, SocketPath, StreamError};
+use super::bind::{self, SocketFile, StreamError};
 use super::hello::{Hello, StreamOrigin};
 use super::hub::{ClientTotals, Hub, Publisher};
 use super::limits::Limits;
 use super::reach;
+use crate::config::{self, UnixPath};
 
 /// Worker threads: one may be busy with a large line while the other serves the rest.
 const WORKERS: usize = 2;
@@ -31,11 +32,18 @@ pub struct StreamConfig {
     /// TCP address; port 0 takes a free one; none: no TCP.
     pub tcp: Option<SocketAddr>,
     /// Unix socket; none: no Unix socket.
-    pub unix: Option<SocketPath>,
+    pub unix: Option<UnixPath>,
     /// Whether data that are not live may be served beyond this machine.
     pub allow_nonlive: bool,
     /// What clients may take of the daemon.
     pub limits: Limits,
+}
+
+impl StreamConfig {
+    /// What a rig's config says, with the usual limits.
+    pub fn of(config: &config::StreamConfig, allow_nonlive: bool) -> Self {
+        Self { tcp: config.tcp, unix: config.unix.clone(), allow_nonlive, limits: Limits::default() }
+    }
 }
 
 /// Where a server listens.
