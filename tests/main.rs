@@ -16,6 +16,7 @@ mod record_cli;
 mod recorded_config;
 mod recording_cli;
 mod rig_files;
+mod run_cli;
 mod schemas;
 mod stream_limits;
 mod stream_protocol;

@@ -1,85 +1,29 @@
 //! `tumbled record` on real UDP over loopback.
 
-use std::io::{BufRead, BufReader, Read};
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
-use std::process::{Child, Command, Stdio};
+use std::net::{Ipv4Addr, UdpSocket};
 use std::time::Duration;
 
 use tumbled::cli::record::RecordReport;
-use tumbled_velodyne::{Model, ReturnMode};
 
+use crate::support::daemon::{Daemon, packets, send};
 use crate::support::{Workbench, repository};
-use crate::synth::Sensor;
 
-/// A running `tumbled record` and the ports it chose.
-struct Recording {
-    child: Child,
-    log: BufReader<std::process::ChildStderr>,
-    data: SocketAddr,
-    position: SocketAddr,
-}
-
-impl Recording {
-    fn start(bench: &Workbench, more: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_tumbled"));
-        command.args(["record", "-o"]).arg(bench.path("run.mcap")).args(["--json", "--min-free", "0"]);
-        command.args(["--set", "lidar.port=0", "--set", "lidar.position_port=0"]).args(more);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
-        let mut log = BufReader::new(child.stderr.take().expect("piped"));
-        let mut line = String::new();
-        while !line.contains("data=") {
-            line.clear();
-            assert!(log.read_line(&mut line).expect("a log") > 0, "it ended before it recorded");
-        }
-        let port = |key: &str| {
-            let value = line.split_whitespace().find_map(|word| word.strip_prefix(key)).expect("an address");
-            let address: SocketAddr = value.parse().expect("an address");
-            SocketAddr::from((Ipv4Addr::LOCALHOST, address.port()))
-        };
-        let (data, position) = (port("data="), port("position="));
-        Self { child, log, data, position }
-    }
-
-    fn signal(&self, name: &str) {
-        let status = Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status().expect("kill");
-        assert!(status.success());
-    }
-
-    /// Waits for the end: exit code, report, log.
-    fn finish(mut self) -> (Option<i32>, String, String) {
-        let (mut report, mut log) = (String::new(), String::new());
-        self.child.stdout.take().expect("piped").read_to_string(&mut report).expect("a report");
-        self.log.read_to_string(&mut log).expect("a log");
-        (self.child.wait().expect("ends").code(), report, log)
-    }
-}
-
-/// Sends payloads with a little air between them: four times the rig's rate.
-fn send(payloads: &[Vec<u8>], to: SocketAddr) {
-    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
-    for payload in payloads {
-        socket.send_to(payload, to).expect("sends");
-        std::thread::sleep(Duration::from_micros(150));
-    }
-}
-
-fn packets(n: usize) -> Vec<Vec<u8>> {
-    let sensor = Sensor::new(Model::Vlp32c, ReturnMode::Strongest);
-    sensor.packets(n, |slot, _| (500 + slot as u16, 500)).into_iter().map(|packet| packet.bytes.to_vec()).collect()
+fn recording(bench: &Workbench, more: &[&str]) -> Daemon {
+    Daemon::start(bench, &[&["record", "-o", "run.mcap", "--json", "--min-free", "0"], more].concat())
 }
 
 #[test]
 fn what_is_sent_is_recorded_and_decodes_to_the_same_points() {
     let bench = Workbench::new();
-    let recording = Recording::start(&bench, &[]);
+    let daemon = recording(&bench, &[]);
     let sent = packets(600);
-    send(&sent, recording.data);
-    send(&[vec![0; 512], vec![0; 512]], recording.position);
+    send(&sent, daemon.data);
+    send(&[vec![0; 512], vec![0; 512]], daemon.position);
     std::thread::sleep(Duration::from_millis(200)); // sent is not yet received
-    recording.signal("INT");
-    let (code, report, log) = recording.finish();
-    assert_eq!(code, Some(0), "{report}\n{log}");
-    let report: RecordReport = serde_json::from_str(&report).expect("a report");
+    daemon.signal("INT");
+    let ended = daemon.finish();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let report: RecordReport = serde_json::from_str(&ended.report).expect("a report");
     assert!(report.complete && report.stopped.is_none());
     assert_eq!((report.sources[0].packets, report.sources[0].lost_kernel), (602, 0));
 
@@ -106,10 +50,9 @@ fn what_is_sent_is_recorded_and_decodes_to_the_same_points() {
 #[test]
 fn a_duration_ends_it_and_a_silent_sensor_is_told() {
     let bench = Workbench::new();
-    let recording = Recording::start(&bench, &["--duration", "300ms"]);
-    let (code, report, _) = recording.finish();
-    let report: RecordReport = serde_json::from_str(&report).expect("a report");
-    assert_eq!((code, report.sources[0].packets, report.complete), (Some(0), 0, true));
+    let ended = recording(&bench, &["--duration", "300ms"]).finish();
+    let report: RecordReport = serde_json::from_str(&ended.report).expect("a report");
+    assert_eq!((ended.code, report.sources[0].packets, report.complete), (Some(0), 0, true));
     // Ticks and an anchor at least: the session itself is recorded.
     assert!(report.ledger.events > 0);
 }
@@ -117,14 +60,14 @@ fn a_duration_ends_it_and_a_silent_sensor_is_told() {
 #[test]
 fn a_kill_costs_at_most_the_last_second() {
     let bench = Workbench::new();
-    let recording = Recording::start(&bench, &[]);
+    let daemon = recording(&bench, &[]);
     let sent = packets(1_500);
-    send(&sent, recording.data);
+    send(&sent, daemon.data);
     // Synced every 0.9 s: after 1.2 s everything sent before is on the disk.
     std::thread::sleep(Duration::from_millis(1_200));
-    send(&packets(100), recording.data);
-    recording.signal("KILL");
-    recording.finish();
+    send(&packets(100), daemon.data);
+    daemon.signal("KILL");
+    daemon.finish();
     let done = bench.run(&["recover", "run.mcap", "-o", "whole.mcap", "--json"]);
     assert!(done.code == 0 || done.code == 3, "{}", done.stderr);
     let done = bench.run(&["export", "whole.mcap", "--what", "lidar-points", "--format", "pts", "-o", "p.pts"]);

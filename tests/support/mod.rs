@@ -1,5 +1,7 @@
 //! A fresh directory and the `tumbled` command in it.
 
+pub(crate) mod daemon;
+pub(crate) mod ledger;
 pub(crate) mod pcap;
 pub(crate) mod real;
 pub(crate) mod stream;

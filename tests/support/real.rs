@@ -1,6 +1,12 @@
 //! Real captures, which lie beside the repository where people have them.
 
-use std::path::PathBuf;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use bytes::Bytes;
+use tumbled_io::capture::{self, LidarRoute, Routing};
+use tumbled_model::{Body, Event, Span};
+use tumbled_velodyne::wire::POSITION_LEN;
 
 use super::repository;
 
@@ -12,4 +18,20 @@ pub(crate) fn real(name: &str) -> Option<PathBuf> {
     }
     println!("skipped: ../shared/data/{name} is not there");
     None
+}
+
+/// A capture's LiDAR packets with their times, as a sender takes them: data packets to one address, position packets to
+/// another.
+pub(crate) fn datagrams(capture: &Path, data: SocketAddr, position: SocketAddr) -> Vec<(Span, SocketAddr, Bytes)> {
+    let lidar = LidarRoute { id: "front".into(), port: 2368, position_port: 8308, source: None, topic: None };
+    let routing = Routing { lidars: vec![lidar], kinects: Vec::new() };
+    let merged = capture::merge(capture::open_all(&[capture], &routing).expect("opens")).expect("merges");
+    let datagram = |event: Event| match event.body {
+        Body::LidarPacket { bytes, .. } => {
+            let to = if bytes.len() == POSITION_LEN { position } else { data };
+            Some((Span(event.arrived.0), to, bytes))
+        }
+        _ => None,
+    };
+    merged.filter_map(|event| datagram(event.expect("reads"))).collect()
 }

@@ -1,9 +1,12 @@
 //! What happened that a person may want to know of: the stream's EVENT lines and the log.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tumbled_model::{RigNs, SensorId};
 
 /// How much attention it asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Gravity {
     /// As it should be.
     Info,

@@ -21,6 +21,7 @@ pub mod record;
 pub mod recover;
 pub mod render;
 pub mod replay;
+pub mod run;
 pub mod signals;
 pub mod verify;
 
@@ -67,6 +68,8 @@ struct LogArgs {
 /// What to do.
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Run the daemon: measure live, serve, record.
+    Run(run::Args),
     /// Write points and depth images to files other programs open.
     Export(export::Args),
     /// Tell what inputs hold: models, modes, rates, packets lost, clocks, fields of view.
@@ -94,6 +97,7 @@ enum Command {
 /// Whatever stopped it; [`Failure::exit_code`] says how that ends.
 pub fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
+        Command::Run(args) => run::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Import(args) => import::run(&args),

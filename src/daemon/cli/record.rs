@@ -7,26 +7,20 @@
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::Args as ClapArgs;
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tumbled_io::live::{
-    Backoff, Device, Ledger, LedgerHandle, Notice, Opener, QueueBound, SessionClock, SourceInfo, StopToken, Supervised,
-    UdpConfig, UdpOpener, supervise,
-};
-use tumbled_io::recording::{
-    Origin, Recorder, RecorderOptions, RecorderState, RecorderThread, RecordingHeader, RecordingSummary,
-};
+use tumbled_io::live::{SessionClock, StopToken};
+use tumbled_io::recording::{RecorderOptions, RecordingHeader, RecordingSummary};
 use tumbled_model::Span;
 
 use super::ledger::LedgerReport;
-use super::{ConfigArgs, Failure, Outcome, VERSION, output, quantity};
-use crate::config::{LidarConfig, Loaded, RecordConfig, show};
+use super::{ConfigArgs, Failure, Outcome, output, quantity, signals};
+use crate::config::RecordConfig;
+use crate::session::{LiveSession, SessionEnd, SourceReport, live};
 
 /// How often the end is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -119,28 +113,6 @@ pub struct RecordReport {
     pub complete: bool,
 }
 
-/// One source.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SourceReport {
-    /// The sensor.
-    pub sensor: String,
-    /// Packets delivered.
-    pub packets: u64,
-    /// Their payload, bytes.
-    pub bytes: u64,
-    /// Lost in the kernel's socket buffer, as far as it told.
-    pub lost_kernel: u64,
-    /// Lost because the ledger's queue was full.
-    pub lost_queue: u64,
-    /// Datagrams from other addresses than `lidar.source`; not recorded.
-    pub other_source: u64,
-    /// Datagrams larger than any sensor sends; not recorded.
-    pub oversized: u64,
-    /// Why it ended early; null: it did not.
-    pub error: Option<String>,
-}
-
 /// Records until told to stop.
 ///
 /// # Errors
@@ -154,14 +126,18 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if !config.kinects.is_empty() {
         tracing::warn!("this build reads no Kinect: its frames are not recorded");
     }
-    let end = end_signal()?;
+    let stop = signals::stop_token()?;
     let clock = SessionClock::start_on_system();
-    let header = header(&clock, &loaded);
+    let header = live::header(&clock, &loaded);
     let options = args.recorder.options(&config.record);
     let recorder = super::import::create_with(&args.output, header.clone(), options)?;
-    let stop = StopToken::new().map_err(Failure::failed)?;
-    let session = Session::start(&config.lidars, recorder, &clock, &stop)?;
-    let (sources, summary) = session.record(args, &end, &stop);
+    let session = LiveSession::start(config, &clock, &stop, Some((recorder, args.output.clone())), None)?;
+    wait(args, &session, &stop);
+    let SessionEnd { sources, recording, undelivered, .. } = session.end();
+    if undelivered > 0 {
+        tracing::error!(packets = undelivered, "packets did not reach the recording in time at the stop");
+    }
+    let summary = recording.unwrap_or_default();
     let report = report(&header, sources, summary);
     if args.json {
         output::json(&report)?;
@@ -171,129 +147,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 
-/// Set by the first SIGINT or SIGTERM; a second one ends the process at once.
-fn end_signal() -> Result<Arc<AtomicBool>, Failure> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
-    let end = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&end))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&end)))
-            .map_err(Failure::failed)?;
-    }
-    Ok(end)
-}
-
-fn header(clock: &SessionClock, loaded: &Loaded) -> RecordingHeader {
-    let now = clock.now();
-    let unix_at_zero = now.wall - Span(now.rig.0);
-    RecordingHeader {
-        session: format!("{:x}-{:x}", unix_at_zero.0, std::process::id()),
-        origin: Origin::Live,
-        program: VERSION.to_owned(),
-        unix_at_zero,
-        config: show::text(&loaded.tree, false),
-        files: loaded.config.attachments(),
-        ..RecordingHeader::default()
-    }
-}
-
-/// The running sources, their ledger and its recorder.
-struct Session {
-    ledger: LedgerHandle,
-    recorder: RecorderThread,
-    sources: Vec<(String, Supervised)>,
-}
-
-impl Session {
-    /// Opens every LiDAR before any of them runs: a port that is taken is told at once.
-    fn start(
-        lidars: &[LidarConfig],
-        recorder: Recorder,
-        clock: &SessionClock,
-        stop: &StopToken,
-    ) -> Result<Self, Failure> {
-        let mut ledger = Ledger::live(clock.clone());
-        let events = ledger.recorder();
-        let mut opened = Vec::new();
-        for lidar in lidars {
-            let intake = ledger.intake(lidar.id.clone(), QueueBound::LIDAR_PACKETS);
-            let mut opener = UdpOpener::new(udp(lidar), clock.clone());
-            let source = opener.open().map_err(Failure::failed)?;
-            opened.push((opener, source, intake));
+/// Until the time is over, the recording ends by itself, or a signal comes.
+fn wait(args: &Args, session: &LiveSession, stop: &StopToken) {
+    let progress = progress();
+    loop {
+        let over = args.duration.is_some_and(|duration| session.started().elapsed() >= duration);
+        if over || session.recording_stopped().is_some() || stop.wait(LOOK_EVERY) {
+            break;
         }
-        let recorder = RecorderThread::start(recorder, events).map_err(Failure::failed)?;
-        let ledger = ledger.start().map_err(Failure::failed)?;
-        let mut sources = Vec::new();
-        for (opener, source, intake) in opened {
-            let sensor = opener.sensor().to_string();
-            let (clock, stop) = (clock.clone(), stop.clone());
-            let running =
-                supervise(Box::new(opener), Some(source), intake, clock, stop, Backoff::default(), notice(&sensor))
-                    .map_err(Failure::failed)?;
-            sources.push((sensor, running));
+        if let Some((events, bytes)) = session.recorded() {
+            progress.set_message(format!("{events} events, {}", HumanBytes(bytes)));
         }
-        Ok(Self { ledger, recorder, sources })
     }
-
-    /// Waits for the end; then everything the sources have accepted is recorded.
-    fn record(self, args: &Args, end: &AtomicBool, stop: &StopToken) -> (Vec<SourceReport>, RecordingSummary) {
-        let progress = progress();
-        let started = Instant::now();
-        loop {
-            let status = self.recorder.status();
-            let stopped = matches!(status.state, RecorderState::Stopped { .. });
-            let over = args.duration.is_some_and(|duration| started.elapsed() >= duration);
-            if stopped || over || end.load(Ordering::Relaxed) {
-                break;
-            }
-            progress.set_message(format!("{} events, {}", status.recorded, HumanBytes(status.file_bytes)));
-            std::thread::sleep(LOOK_EVERY);
-        }
-        // Sources first, then the ledger, so that everything they accepted is in it.
-        stop.stop();
-        let reports = self.sources.into_iter().map(|(sensor, source)| source_report(sensor, source)).collect();
-        let ledger = self.ledger.stop();
-        let summary = self.recorder.finish();
-        progress.finish_and_clear();
-        if ledger.undelivered > 0 {
-            tracing::error!(packets = ledger.undelivered, "packets did not reach the recording in time at the stop");
-        }
-        (reports, summary)
-    }
-}
-
-fn udp(lidar: &LidarConfig) -> UdpConfig {
-    UdpConfig {
-        port: lidar.port,
-        position_port: Some(lidar.position_port),
-        source: lidar.source,
-        ..UdpConfig::new(lidar.id.clone())
-    }
-}
-
-/// Tells the log what happens to a source.
-fn notice(sensor: &str) -> impl FnMut(Notice) + Send + 'static {
-    let sensor = sensor.to_owned();
-    move |notice| match notice {
-        Notice::Opened(info) => opened(&sensor, &info),
-        Notice::Failed { error, retry_in } => {
-            tracing::warn!(%sensor, retry_in_ms = retry_in.as_millis() as u64, "{error}");
-        }
-        _ => {}
-    }
-}
-
-fn opened(sensor: &str, info: &SourceInfo) {
-    match &info.device {
-        Device::Udp(udp) => {
-            let position = udp.position.map_or_else(|| "none".to_owned(), |address| address.to_string());
-            tracing::info!(%sensor, data = %udp.data, %position, "recording");
-        }
-        _ => tracing::info!(%sensor, "recording"),
-    }
-    for warning in &info.warnings {
-        tracing::warn!(%sensor, "{warning}");
-    }
+    progress.finish_and_clear();
 }
 
 fn progress() -> ProgressBar {
@@ -301,21 +167,6 @@ fn progress() -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_style(style.unwrap_or_else(|_error| ProgressStyle::default_spinner()));
     bar.enable_steady_tick(Duration::from_millis(250)); // draws on a terminal only
     bar
-}
-
-fn source_report(sensor: String, source: Supervised) -> SourceReport {
-    let ended = source.join();
-    let counts = ended.summary;
-    SourceReport {
-        sensor,
-        packets: counts.delivered,
-        bytes: counts.bytes,
-        lost_kernel: counts.lost_kernel,
-        lost_queue: counts.lost_queue,
-        other_source: counts.other_source,
-        oversized: counts.oversized,
-        error: ended.error.map(|error| error.to_string()),
-    }
 }
 
 fn report(header: &RecordingHeader, sources: Vec<SourceReport>, summary: RecordingSummary) -> RecordReport {

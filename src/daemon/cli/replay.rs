@@ -9,14 +9,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::SensorHealth;
 use tumbled_io::recording::{Origin, Recorder, RecordingHeader, ResultKind};
-use tumbled_model::{Span, UnixNs};
+use tumbled_model::UnixNs;
 
 use super::{Failure, InputArgs, Outcome, import, output, signals};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
-use crate::session::serve::{About, Servers};
-use crate::session::{Checkpoint, Engine, Pace, Publish, Shell, Speed, Step, engine, lines::EpochLine, setup};
-use crate::stream::StreamOrigin;
+use crate::session::serve::{About, Server};
+use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, engine, lines::EpochLine, setup};
+use crate::stream::{ShellHealth, StreamOrigin};
 
 /// What `replay` is asked for.
 #[derive(Debug, ClapArgs)]
@@ -136,7 +136,7 @@ struct Sinks {
     epochs: Option<Box<dyn Write>>,
     recorder: Option<Recorder>,
     checkpoints: ResultKind,
-    servers: Option<Servers>,
+    server: Option<Server>,
     publish: Publish,
 }
 
@@ -145,21 +145,24 @@ impl Sinks {
         let unix_at_zero = inputs.epoch().unwrap_or_default();
         let session = inputs.recording().map_or("replay", |header| header.session.as_str());
         let about = About { session, origin: origin(inputs), unix_at_zero };
-        let servers = if args.serve { Some(Servers::start(&loaded.config, about, args.allow_nonlive)?) } else { None };
-        let silent = || Publish::new(about.origin, unix_at_zero, 0, None);
-        let publish = servers.as_ref().map_or_else(silent, |servers| servers.publish(about));
+        let (server, publish) = if args.serve {
+            let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive)?;
+            (Some(server), publish)
+        } else {
+            (None, Publish::new(about.origin, unix_at_zero, None))
+        };
         let recorder = match &args.record {
             Some(path) => Some(import::create(path, header(inputs, &args.input.inputs, loaded)?, args.force)?),
             None => None,
         };
         let epochs = args.epochs.as_deref().map(writer).transpose()?;
-        Ok(Self { epochs, recorder, checkpoints: Checkpoint::kind(), servers, publish })
+        Ok(Self { epochs, recorder, checkpoints: Checkpoint::kind(), server, publish })
     }
 
     fn take(&mut self, step: &Step<'_>) -> Result<(), Failure> {
         if let Some(epochs) = &mut self.epochs {
             for epoch in &step.outputs.epochs {
-                let unix = step.wall.unix(epoch.t).unwrap_or(self.publish.unix_at_zero + Span(epoch.t.0));
+                let unix = self.publish.unix(epoch.t, step.wall);
                 let line = serde_json::to_string(&EpochLine::new(epoch, unix)).map_err(Failure::failed)?;
                 writeln!(epochs, "{line}").map_err(Failure::Output)?;
             }
@@ -167,12 +170,8 @@ impl Sinks {
         if let Some(checkpoint) = &step.checkpoint {
             self.checkpoint(checkpoint);
         }
-        let clients = || self.servers.as_ref().map(|servers| servers.stream().clients().into()).unwrap_or_default();
-        let shell = || {
-            let mut shell = Shell::default();
-            shell.health.stream = clients();
-            shell
-        };
+        let clients = || self.server.as_ref().map(Server::clients).unwrap_or_default();
+        let shell = || ShellHealth { stream: clients().into(), ..ShellHealth::default() };
         self.publish.step(step, shell);
         Ok(())
     }
@@ -188,8 +187,9 @@ impl Sinks {
         if let Some(epochs) = &mut self.epochs {
             epochs.flush().map_err(Failure::Output)?;
         }
-        if let Some(servers) = self.servers {
-            servers.stop();
+        self.publish.stop();
+        if let Some(server) = self.server {
+            server.stop();
         }
         self.recorder.map_or(Ok(()), |recorder| import::written(&recorder.finish()))
     }

@@ -8,17 +8,25 @@
 //! * [`setup`]: from the config to what the core has to know;
 //! * [`engine`], [`chain`]: the core with its hash chain, the same for every command;
 //! * [`publish`], [`serve`], [`lines`]: what came out, as lines of the stream, the log and files;
-//! * [`pace`]: how fast a recording is played.
+//! * [`live`], [`sources`]: a session on live sensors, started and ended in order; [`shell`], [`steps`]: its health;
+//! * [`reload`]: what of a config may change meanwhile; [`pace`]: how fast a recording is played.
 
 pub mod chain;
 pub mod engine;
 pub mod lines;
+pub mod live;
 pub mod pace;
 pub mod publish;
+pub mod reload;
 pub mod serve;
 pub mod setup;
+pub mod shell;
+pub mod sources;
+pub mod steps;
 
 pub use chain::Checkpoint;
 pub use engine::{Engine, Step};
+pub use live::{LiveSession, SessionEnd};
 pub use pace::{Pace, Speed};
-pub use publish::{Publish, Shell};
+pub use publish::Publish;
+pub use sources::SourceReport;

@@ -1,118 +1,96 @@
-//! What came out of the core, to whoever wants it: the state stream and the log.
+//! What came out of the core, to whoever wants it: the state stream, viewers and the log.
 
-use tumbled_core::{CoreHealth, Epoch, Gravity, Level, Notice, Scan, WallClock};
+use tumbled_core::{CoreHealth, Epoch, Gravity, Notice, WallClock};
 use tumbled_model::{RigNs, Span, UnixNs};
 
 use super::engine::Step;
-use crate::stream::{
-    Class, CloudKind, CloudLine, CloudView, EventLevel, EventLine, HealthLevel, HealthLine, Publisher, ShellHealth,
-    StreamOrigin,
-};
+use crate::foxglove::FoxgloveBridge;
+use crate::stream::{Class, CloudLine, CloudView, EventLine, HealthLine, Publisher, ShellHealth, StreamOrigin};
 
-/// Turns what came out into lines of the stream and of the log.
+/// Turns what came out into lines of the stream, views and lines of the log.
 #[derive(Debug)]
 pub struct Publish {
-    /// Where the data come from.
-    pub origin: StreamOrigin,
-    /// The stream; `None`: nobody is served.
-    pub stream: Option<Publisher>,
+    origin: StreamOrigin,
+    /// Wall time at rig time 0, for what lies before the first anchor.
+    unix_at_zero: UnixNs,
+    audience: Option<Audience>,
+}
+
+/// Those who are served.
+#[derive(Debug)]
+pub struct Audience {
+    /// The state stream's clients.
+    pub stream: Publisher,
     /// Points of a CLOUD line at most.
     pub max_cloud_points: usize,
-    /// Wall time at rig time 0, for what lies before the first anchor.
-    pub unix_at_zero: UnixNs,
-    xyz: Vec<[f32; 3]>,
+    /// Viewers.
+    pub viewers: Option<FoxgloveBridge>,
 }
 
 impl Publish {
-    /// To a stream, or to the log alone.
-    pub fn new(origin: StreamOrigin, unix_at_zero: UnixNs, max_cloud_points: usize, stream: Option<Publisher>) -> Self {
-        Self { origin, stream, max_cloud_points, unix_at_zero, xyz: Vec::new() }
+    /// To an audience, or to the log alone.
+    pub fn new(origin: StreamOrigin, unix_at_zero: UnixNs, audience: Option<Audience>) -> Self {
+        Self { origin, unix_at_zero, audience }
     }
 
-    /// Tells what one step brought. `shell` is asked only when health is told.
-    pub fn step(&mut self, step: &Step<'_>, shell: impl Fn() -> Shell) {
-        let wall = step.wall;
-        for epoch in &step.outputs.epochs {
-            self.cloud(epoch, wall);
-        }
-        for notice in &step.outputs.notices {
-            log(notice);
-            self.event(notice, wall);
-        }
-        for health in &step.outputs.health {
-            self.health(health, wall, &shell);
-        }
-    }
-
-    /// The wall time of an instant.
-    fn unix(&self, t: RigNs, wall: &WallClock) -> UnixNs {
+    /// The wall time of an instant: by the newest anchor at or before it.
+    pub fn unix(&self, t: RigNs, wall: &WallClock) -> UnixNs {
         wall.unix(t).unwrap_or(self.unix_at_zero + Span(t.0))
     }
 
+    /// Tells what one step brought. `shell` is asked only when health is told.
+    pub fn step(&mut self, step: &Step<'_>, shell: impl Fn() -> ShellHealth) {
+        for epoch in &step.outputs.epochs {
+            self.cloud(epoch, step.wall);
+        }
+        for notice in &step.outputs.notices {
+            log(notice);
+            self.event(notice, step.wall);
+        }
+        for health in &step.outputs.health {
+            self.health(health, step.wall, &shell);
+        }
+    }
+
+    /// Ends the viewers' part; the stream's own server tells its clients.
+    pub fn stop(self) {
+        if let Some(viewers) = self.audience.and_then(|audience| audience.viewers) {
+            viewers.stop();
+        }
+    }
+
     fn cloud(&mut self, epoch: &Epoch, wall: &WallClock) {
-        let Some(stream) = self.stream.as_ref().filter(|stream| stream.wants(Class::Cloud)) else { return };
-        let rig = &epoch.rig;
-        self.xyz.clear();
-        self.xyz.extend(rig.x.iter().zip(&rig.y).zip(&rig.z).map(|((&x, &y), &z)| [x, y, z]));
-        let (kind, intensity) = match &epoch.scan {
-            Scan::Kinect(_) => (CloudKind::Kinect, None),
-            Scan::Lidar(scan) => (CloudKind::Lidar, Some(scan.points.intensity.as_slice())),
-        };
-        let view = CloudView {
-            sensor: &epoch.sensor,
-            kind,
-            epoch: epoch.number,
-            t: epoch.t,
-            unix: self.unix(epoch.t, wall),
-            frame: "rig",
-            xyz: &self.xyz,
-            intensity,
-        };
-        stream.publish(Class::Cloud, &CloudLine::new(self.origin, &view, self.max_cloud_points));
+        let unix = self.unix(epoch.t, wall);
+        let Some(audience) = &mut self.audience else { return };
+        let view = CloudView::of_epoch(epoch, unix);
+        if audience.stream.wants(Class::Cloud) {
+            audience.stream.publish(Class::Cloud, &CloudLine::new(self.origin, &view, audience.max_cloud_points));
+        }
+        if let Some(viewers) = &mut audience.viewers {
+            viewers.cloud(&view);
+        }
     }
 
-    fn event(&self, notice: &Notice, wall: &WallClock) {
-        let Some(stream) = &self.stream else { return };
-        let level = match notice.gravity {
-            Gravity::Info => EventLevel::Info,
-            Gravity::Warn => EventLevel::Warn,
-            Gravity::Error => EventLevel::Error,
-        };
-        let when = (notice.t, self.unix(notice.t, wall));
-        let line = EventLine::new(
-            self.origin,
-            when,
-            notice.sensor.as_ref(),
-            notice.kind.name(),
-            level,
-            notice.message.as_str(),
-        );
-        stream.publish(Class::Event, &line);
+    fn event(&mut self, notice: &Notice, wall: &WallClock) {
+        let unix = self.unix(notice.t, wall);
+        let Some(audience) = &mut self.audience else { return };
+        let line = EventLine::of_notice(self.origin, notice, unix);
+        audience.stream.publish(Class::Event, &line);
+        if let Some(viewers) = &mut audience.viewers {
+            viewers.event(&line);
+        }
     }
 
-    fn health(&self, health: &CoreHealth, wall: &WallClock, shell: &impl Fn() -> Shell) {
-        let Some(stream) = self.stream.as_ref().filter(|stream| stream.wants(Class::Health)) else { return };
-        let Shell { health: shell, reasons: of_shell } = shell();
-        let level = match health.level {
-            Level::Ok => HealthLevel::Ok,
-            Level::Degraded => HealthLevel::Degraded,
-            Level::Failed => HealthLevel::Failed,
-        };
-        let level = if of_shell.is_empty() { level } else { level.max(HealthLevel::Degraded) };
-        let reasons = health.reasons.iter().map(|reason| reason.message.clone()).chain(of_shell).collect();
+    fn health(&mut self, health: &CoreHealth, wall: &WallClock, shell: &impl Fn() -> ShellHealth) {
         let t = RigNs(health.t_ns);
-        let line = HealthLine::new(self.origin, (t, self.unix(t, wall)), (level, reasons), health, shell);
-        stream.publish(Class::Health, &line);
+        let unix = self.unix(t, wall);
+        let Some(audience) = &mut self.audience else { return };
+        let line = HealthLine::new(self.origin, (t, unix), health.clone(), shell());
+        audience.stream.publish(Class::Health, &line);
+        if let Some(viewers) = &mut audience.viewers {
+            viewers.health(&line, unix.0);
+        }
     }
-}
-
-/// The shell's part of health, with what of it is not as it should be.
-#[derive(Clone, Debug, Default)]
-pub struct Shell {
-    /// What is so now.
-    pub health: ShellHealth,
-    /// What to know and do about it.
-    pub reasons: Vec<String>,
 }
 
 fn log(notice: &Notice) {

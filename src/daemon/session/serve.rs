@@ -1,11 +1,12 @@
 //! The servers of a session, as the config wants them.
 
-use tumbled_model::UnixNs;
+use tumbled_model::{Frame, Iso, Rig, SensorId, UnixNs};
 
-use super::publish::Publish;
+use super::publish::{Audience, Publish};
 use crate::cli::Failure;
 use crate::config::Config;
-use crate::stream::{Hello, Limits, SocketPath, StreamConfig, StreamOrigin, StreamServer};
+use crate::foxglove::{FoxgloveBridge, FoxgloveConfig, SensorPose};
+use crate::stream::{ClientTotals, Hello, StreamConfig, StreamOrigin, StreamServer};
 
 /// What a session is, for those who connect.
 #[derive(Clone, Copy, Debug)]
@@ -18,39 +19,54 @@ pub struct About<'a> {
     pub unix_at_zero: UnixNs,
 }
 
-/// The running servers.
+/// The running state stream.
 #[derive(Debug)]
-pub struct Servers {
+pub struct Server {
     stream: StreamServer,
-    max_cloud_points: usize,
 }
 
-impl Servers {
-    /// Starts what the config names.
+impl Server {
+    /// Starts what the config names; what comes out of the core goes there by the second value.
     ///
     /// # Errors
     /// An address or a path that cannot be had, or must not be for these data: exit code 2.
-    pub fn start(config: &Config, about: About<'_>, allow_nonlive: bool) -> Result<Self, Failure> {
-        let unix = config.stream.unix.as_ref();
-        let unix = unix.map(|unix| SocketPath { path: unix.path.clone(), configured: unix.configured });
-        let stream = StreamConfig { tcp: config.stream.tcp, unix, allow_nonlive, limits: Limits::default() };
+    pub fn start(config: &Config, about: About<'_>, allow_nonlive: bool) -> Result<(Self, Publish), Failure> {
         let hello = Hello::new(about.session, &config.name, about.origin, about.unix_at_zero);
+        let stream = StreamConfig::of(&config.stream, allow_nonlive);
         let stream = StreamServer::start(stream, &hello).map_err(Failure::input)?;
-        Ok(Self { stream, max_cloud_points: config.stream.max_cloud_points })
+        let viewers = match config.stream.foxglove.filter(|_| cfg!(feature = "foxglove")) {
+            Some(address) => {
+                let bridge = FoxgloveConfig { address, allow_nonlive };
+                Some(FoxgloveBridge::start(&bridge, &hello, poses(config)).map_err(Failure::input)?)
+            }
+            None => None,
+        };
+        let max_cloud_points = config.stream.max_cloud_points;
+        let audience = Audience { stream: stream.publisher(), max_cloud_points, viewers };
+        Ok((Self { stream }, Publish::new(about.origin, about.unix_at_zero, Some(audience))))
     }
 
-    /// The way to those who are connected.
-    pub fn publish(&self, about: About<'_>) -> Publish {
-        Publish::new(about.origin, about.unix_at_zero, self.max_cloud_points, Some(self.stream.publisher()))
+    /// The state stream's clients.
+    pub fn clients(&self) -> ClientTotals {
+        self.stream.clients()
     }
 
-    /// The state stream.
-    pub fn stream(&self) -> &StreamServer {
-        &self.stream
-    }
-
-    /// Ends them: clients take what waits for them, for a second at most.
+    /// Ends it: clients take what waits for them, for a second at most.
     pub fn stop(self) {
         self.stream.stop();
+    }
+}
+
+fn poses(config: &Config) -> Vec<SensorPose> {
+    let lidars = config.lidars.iter().map(|lidar| pose(&lidar.id, &lidar.t_rig_lidar));
+    lidars.chain(config.kinects.iter().map(|kinect| pose(&kinect.id, &kinect.t_rig_kinect))).collect()
+}
+
+fn pose<F: Frame>(sensor: &SensorId, t_rig_sensor: &Iso<Rig, F>) -> SensorPose {
+    let (translation, rotation) = (t_rig_sensor.isometry.translation.vector, t_rig_sensor.isometry.rotation);
+    SensorPose {
+        sensor: sensor.clone(),
+        translation_m: [translation.x, translation.y, translation.z],
+        rotation_xyzw: [rotation.i, rotation.j, rotation.k, rotation.w],
     }
 }

@@ -33,9 +33,7 @@ pub struct EventLine {
 impl EventLine {
     /// What the core noticed; `unix` is the wall time at the notice's.
     pub fn of_notice(origin: StreamOrigin, notice: &Notice, unix: UnixNs) -> Self {
-        // A kind without fields is one word.
-        let word = serde_json::to_value(notice.kind).ok();
-        let kind = word.as_ref().and_then(|word| word.as_str()).unwrap_or_default();
+        let kind = notice.kind.name();
         Self::new(origin, (notice.t, unix), notice.sensor.as_ref(), kind, notice.gravity, &notice.message)
     }
 

@@ -11,6 +11,7 @@ use super::outlet::{
 use crossbeam_channel::{Receiver, Select, Sender};
 use std::io;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tumbled_model::{Body, Event, RigNs, SensorId};
@@ -116,7 +117,9 @@ impl Ledger {
         let fill = |inlet: &Inlet| inlet.source.clone().map(|(sensor, bound)| (sensor, inlet.items.clone(), bound));
         let fill = self.inlets.iter().filter_map(fill).collect();
         let gauges = self.consumers.iter().filter_map(|consumer| consumer.gauge()).collect();
+        let shed = Arc::new(AtomicU64::new(0));
         let writer = Writer {
+            shed: Arc::clone(&shed),
             clock: self.clock,
             consumers: self.consumers,
             scan_start: self.scan_start,
@@ -126,7 +129,7 @@ impl Ledger {
         };
         let thread =
             std::thread::Builder::new().name("ledger".to_owned()).spawn(move || writer.run(self.inlets, &stopped))?;
-        Ok(LedgerHandle { thread: Some(thread), stop: Some(stop), patience, fill, gauges })
+        Ok(LedgerHandle { thread: Some(thread), stop: Some(stop), patience, fill, gauges, shed })
     }
 }
 
@@ -166,6 +169,7 @@ pub struct LedgerHandle {
     patience: Arc<Patience>,
     fill: Vec<(SensorId, Receiver<Offered>, usize)>,
     gauges: Vec<OutletGauge>,
+    shed: Arc<AtomicU64>,
 }
 
 impl LedgerHandle {
@@ -199,6 +203,11 @@ impl LedgerHandle {
         self.fill.iter().map(fill).collect()
     }
 
+    /// Scans shed so far.
+    pub fn shed_scans(&self) -> u64 {
+        self.shed.load(Ordering::Relaxed)
+    }
+
     /// The consumers' queues, in the order they were added.
     pub fn outlets(&self) -> &[OutletGauge] {
         &self.gauges
@@ -227,6 +236,7 @@ impl Drop for LedgerHandle {
 
 /// The thread's own state.
 struct Writer {
+    shed: Arc<AtomicU64>,
     clock: Option<SessionClock>,
     consumers: Vec<Box<dyn Consumer>>,
     scan_start: Option<ScanStart>,
@@ -319,6 +329,7 @@ impl Writer {
             if self.consumers.iter().any(|consumer| consumer.is_behind(sensor)) {
                 scan = ScanMark::BeginsShed;
                 self.summary.shed_scans += 1;
+                self.shed.store(self.summary.shed_scans, Ordering::Relaxed);
                 let skip = Body::Skip { sensor: sensor.clone(), scans: 1 };
                 self.hand_out(arrived, skip, None, ScanMark::Within);
             }

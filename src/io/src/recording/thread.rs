@@ -36,6 +36,8 @@ pub struct RecorderStatus {
     pub file_bytes: u64,
     /// `seq` of the last event that is on the medium, whatever happens now.
     pub synced_seq: Option<u64>,
+    /// When everything written was on the medium last; `None`: not yet.
+    pub synced: Option<Instant>,
     /// The longest sync so far.
     pub longest_sync: Duration,
 }
@@ -47,6 +49,7 @@ struct Progress {
     recorded: u64,
     file_bytes: u64,
     synced_seq: Option<u64>,
+    synced: Option<Instant>,
     longest_sync: Duration,
 }
 
@@ -86,6 +89,7 @@ impl RecorderThread {
             recorded: 0,
             file_bytes: recorder.written_bytes(),
             synced_seq: None,
+            synced: None,
             longest_sync: Duration::ZERO,
         };
         let shared = Arc::new(Shared {
@@ -112,18 +116,14 @@ impl RecorderThread {
             dropped: counts.lost + counts.lost_notes,
             file_bytes: progress.file_bytes,
             synced_seq: progress.synced_seq,
+            synced: progress.synced,
             longest_sync: progress.longest_sync,
         }
     }
 
-    /// Puts a result beside the ledger; `false`: too many wait, it is left out.
-    pub fn result(&self, kind: &ResultKind, message: ResultMessage) -> bool {
-        let mut results = self.shared.results.lock().unwrap_or_else(PoisonError::into_inner);
-        let room = results.len() < WAITING_RESULTS;
-        if room {
-            results.push((kind.clone(), message));
-        }
-        room
+    /// The way for results, from any thread.
+    pub fn results(&self) -> ResultSink {
+        ResultSink { shared: Arc::clone(&self.shared) }
     }
 
     /// Writes what still waits, ends the recording and tells what became of it. Stop the ledger first: of one that runs
@@ -143,6 +143,24 @@ impl Drop for RecorderThread {
     /// The recording is ended even if nobody waits to hear of it.
     fn drop(&mut self) {
         drop(self.join());
+    }
+}
+
+/// Takes results of the session for its recording.
+#[derive(Clone, Debug)]
+pub struct ResultSink {
+    shared: Arc<Shared>,
+}
+
+impl ResultSink {
+    /// Puts a result beside the ledger; `false`: too many wait, it is left out.
+    pub fn put(&self, kind: &ResultKind, message: ResultMessage) -> bool {
+        let mut results = self.shared.results.lock().unwrap_or_else(PoisonError::into_inner);
+        let room = results.len() < WAITING_RESULTS;
+        if room {
+            results.push((kind.clone(), message));
+        }
+        room
     }
 }
 
@@ -202,6 +220,7 @@ impl Writing {
         progress.longest_sync = progress.longest_sync.max(took);
         if matches!(progress.state, RecorderState::Recording) {
             progress.synced_seq = self.recorder.summary().counters.last_seq;
+            progress.synced = Some(Instant::now());
         }
         self.next_sync = Instant::now() + SYNC_EVERY;
     }

@@ -1,0 +1,205 @@
+//! A live session: sources, ledger, core and recorder started in the right order and ended in the right order.
+//!
+//! ```text
+//!   sources (rx-…) ─▶ ledger ─┬─▶ recorder ◀── checkpoints ──┐
+//!                             └─▶ core: engine ─▶ publish ───┘
+//! ```
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use tumbled_core::{CoreConfig, ScanBoundaries, SensorHealth};
+use tumbled_io::live::{ControlIntake, EventReceiver, Ledger, LedgerHandle, SessionClock, StopToken};
+use tumbled_io::recording::thread::ResultSink;
+use tumbled_io::recording::{
+    Origin, Recorder, RecorderState, RecorderThread, RecordingHeader, RecordingSummary, StopReason,
+};
+use tumbled_model::Span;
+
+use super::chain::Checkpoint;
+use super::engine::Engine;
+use super::publish::Publish;
+use super::shell::{self, Facts};
+use super::sources::{self, RunningSource, SourceReport};
+use super::steps::StepTimes;
+use crate::cli::{Failure, VERSION};
+use crate::config::{Config, Loaded, show};
+use crate::stream::{ClientTotals, ShellHealth};
+
+/// What a session's recording says of itself.
+pub fn header(clock: &SessionClock, loaded: &Loaded) -> RecordingHeader {
+    let now = clock.now();
+    let unix_at_zero = now.wall - Span(now.rig.0);
+    RecordingHeader {
+        session: format!("{:x}-{:x}", unix_at_zero.0, std::process::id()),
+        origin: Origin::Live,
+        program: VERSION.to_owned(),
+        unix_at_zero,
+        config: show::text(&loaded.tree, false),
+        files: loaded.config.attachments(),
+        ..RecordingHeader::default()
+    }
+}
+
+/// The core of a session, and where what comes out of it goes.
+pub struct CorePart {
+    /// What it knows of the rig: for the scans that may be shed.
+    pub config: CoreConfig,
+    /// The core.
+    pub engine: Engine,
+    /// Those who are told.
+    pub publish: Publish,
+}
+
+/// A running session.
+pub struct LiveSession {
+    stop: StopToken,
+    started: Instant,
+    control: ControlIntake,
+    ledger: LedgerHandle,
+    sources: Vec<RunningSource>,
+    recorder: Option<(RecorderThread, PathBuf)>,
+    core: Option<JoinHandle<CoreEnd>>,
+    facts: Facts,
+}
+
+/// What the core had at its end.
+#[derive(Clone, Debug)]
+pub struct CoreEnd {
+    /// The chain's values.
+    pub checkpoint: Checkpoint,
+    /// The sensors.
+    pub sensors: Vec<SensorHealth>,
+}
+
+/// What a session was.
+#[derive(Debug)]
+pub struct SessionEnd {
+    /// The sources, in the config's order.
+    pub sources: Vec<SourceReport>,
+    /// The core; `None`: there was none.
+    pub core: Option<CoreEnd>,
+    /// The recording; `None`: there was none.
+    pub recording: Option<RecordingSummary>,
+    /// Items that did not reach the ledger in time at the stop.
+    pub undelivered: u64,
+}
+
+impl LiveSession {
+    /// Opens every source, then lets everything run. `recorder` and its path, `core`: what the session is for.
+    ///
+    /// # Errors
+    /// Exit code 1: a port that cannot be had, no threads.
+    pub fn start(
+        config: &Config,
+        clock: &SessionClock,
+        stop: &StopToken,
+        recorder: Option<(Recorder, PathBuf)>,
+        core: Option<CorePart>,
+    ) -> Result<Self, Failure> {
+        let mut ledger = Ledger::live(clock.clone());
+        let control = ledger.control();
+        let opened = sources::open(config, &mut ledger, clock)?;
+        let recorder = match recorder {
+            Some((recorder, path)) => {
+                let events = ledger.recorder();
+                Some((RecorderThread::start(recorder, events).map_err(Failure::failed)?, path))
+            }
+            None => None,
+        };
+        let facts = Facts::default();
+        let core = match core {
+            Some(part) => {
+                let mut boundaries = ScanBoundaries::new(&part.config);
+                let events = ledger.core(Box::new(move |body| boundaries.begins(body)));
+                let results = recorder.as_ref().map(|(recorder, _)| recorder.results());
+                Some(spawn_core(part, events, results, facts.clone())?)
+            }
+            None => None,
+        };
+        let ledger = ledger.start().map_err(Failure::failed)?;
+        let sources = opened.into_iter().map(|source| source.start(clock, stop)).collect::<Result<_, _>>()?;
+        Ok(Self { stop: stop.clone(), started: Instant::now(), control, ledger, sources, recorder, core, facts })
+    }
+
+    /// The way for an operator's orders and changed configs.
+    pub fn control(&self) -> &ControlIntake {
+        &self.control
+    }
+
+    /// Since the start.
+    pub fn started(&self) -> Instant {
+        self.started
+    }
+
+    /// Why the recording stopped by itself; `None`: it did not, or there is none.
+    pub fn recording_stopped(&self) -> Option<StopReason> {
+        match self.recorder.as_ref()?.0.status().state {
+            RecorderState::Stopped { reason } => Some(reason),
+            RecorderState::Recording => None,
+        }
+    }
+
+    /// Events recorded and bytes written so far.
+    pub fn recorded(&self) -> Option<(u64, u64)> {
+        let status = self.recorder.as_ref()?.0.status();
+        Some((status.recorded, status.file_bytes))
+    }
+
+    /// Whether the core's thread is gone although nobody told it to end.
+    pub fn core_is_gone(&self) -> bool {
+        self.core.as_ref().is_some_and(JoinHandle::is_finished)
+    }
+
+    /// Reads the facts of this moment for health. Call it a few times a second.
+    pub fn look(&self, clients: ClientTotals) {
+        let recorder = self.recorder.as_ref().map(|(recorder, path)| (recorder.status(), path.as_path()));
+        let health = shell::look(self.started.elapsed(), &self.ledger, &self.sources, recorder);
+        self.facts.set(ShellHealth { stream: clients.into(), ..health });
+    }
+
+    /// Ends it: sources first, then the ledger, so that everything they accepted goes through core and recorder.
+    pub fn end(self) -> SessionEnd {
+        self.stop.stop();
+        let sources = self.sources.into_iter().map(RunningSource::join).collect();
+        let ledger = self.ledger.stop();
+        let core = self.core.map(|core| core.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        let recording = self.recorder.map(|(recorder, _)| recorder.finish());
+        SessionEnd { sources, core, recording, undelivered: ledger.undelivered }
+    }
+}
+
+fn spawn_core(
+    part: CorePart,
+    events: EventReceiver,
+    results: Option<ResultSink>,
+    facts: Facts,
+) -> Result<JoinHandle<CoreEnd>, Failure> {
+    let CorePart { mut engine, mut publish, .. } = part;
+    let kind = Checkpoint::kind();
+    let record = move |checkpoint: &Checkpoint| {
+        if let Some(results) = &results {
+            results.put(&kind, checkpoint.to_message());
+        }
+    };
+    let work = move || {
+        let times = Mutex::new(StepTimes::new());
+        let steps = || times.lock().unwrap_or_else(PoisonError::into_inner);
+        let shell = || ShellHealth { steps: steps().report(), ..facts.get() };
+        for event in events {
+            let began = Instant::now();
+            let step = engine.step(&event);
+            publish.step(&step, shell);
+            step.checkpoint.iter().for_each(&record);
+            steps().add(&event.body, began.elapsed());
+        }
+        publish.step(&engine.finish(), shell);
+        publish.stop();
+        let end = CoreEnd { checkpoint: engine.checkpoint(), sensors: engine.sensors() };
+        record(&end.checkpoint);
+        end
+    };
+    std::thread::Builder::new().name("core".to_owned()).spawn(work).map_err(Failure::failed)
+}
