@@ -12,6 +12,7 @@ mod export_outputs;
 mod foxglove;
 mod golden;
 mod info_cli;
+mod machine_cli;
 mod record_cli;
 mod recorded_config;
 mod recording_cli;

@@ -36,6 +36,11 @@ pub fn config() -> Published {
 pub fn outputs() -> Vec<Published> {
     vec![
         Published { file: "docs/schema/config-check.schema.json", schema: schema_for!(CheckReport) },
+        Published { file: "docs/schema/devices.schema.json", schema: schema_for!(crate::cli::devices::DevicesReport) },
+        Published {
+            file: "docs/schema/doctor.schema.json",
+            schema: schema_for!(crate::cli::doctor::report::DoctorReport),
+        },
         Published { file: "docs/schema/diff.schema.json", schema: schema_for!(crate::cli::diff::DiffReport) },
         Published { file: "docs/schema/export.schema.json", schema: schema_for!(crate::cli::export::Report) },
         Published { file: "docs/schema/import.schema.json", schema: schema_for!(crate::cli::import::ImportReport) },

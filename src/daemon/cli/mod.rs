@@ -8,7 +8,9 @@
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 pub mod config;
+pub mod devices;
 pub mod diff;
+pub mod doctor;
 pub mod export;
 pub mod failure;
 pub mod import;
@@ -89,6 +91,10 @@ enum Command {
     /// Check, show, describe or write a config.
     #[command(subcommand)]
     Config(config::Command),
+    /// Look whether this machine is ready for a session with a config.
+    Doctor(doctor::Args),
+    /// List serial ports, Kinects, network interfaces and the LiDARs that are heard.
+    Devices(devices::Args),
 }
 
 /// Carries out a command.
@@ -107,5 +113,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Config(command) => config::run(command),
+        Command::Doctor(args) => doctor::run(&args),
+        Command::Devices(args) => devices::run(&args),
     }
 }

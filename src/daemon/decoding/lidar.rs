@@ -28,7 +28,8 @@ pub fn settings(lidar: &LidarConfig) -> Result<Settings, Failure> {
     })
 }
 
-fn forced_model(model: LidarModel) -> Option<Model> {
+/// The model a config forces; `None`: the packets' own word is taken.
+pub fn forced_model(model: LidarModel) -> Option<Model> {
     match model {
         LidarModel::Auto => None,
         LidarModel::Vlp32c => Some(Model::Vlp32c),

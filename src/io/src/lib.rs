@@ -15,4 +15,5 @@
 
 pub mod capture;
 pub mod live;
+pub mod machine;
 pub mod recording;

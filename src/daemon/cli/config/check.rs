@@ -85,7 +85,7 @@ fn run_json(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// `1 LiDAR (front), 1 Kinect (near), no turntable`.
-fn summary(config: &Config) -> String {
+pub(in crate::cli) fn summary(config: &Config) -> String {
     let lidars: Vec<&str> = config.lidars.iter().map(|lidar| lidar.id.as_str()).collect();
     let kinects: Vec<&str> = config.kinects.iter().map(|kinect| kinect.id.as_str()).collect();
     let turntable = if config.turntable.is_some() { "a turntable" } else { "no turntable" };

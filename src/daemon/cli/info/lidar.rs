@@ -14,10 +14,10 @@ use tumbled_velodyne::{DataPacket, Model, Points, Product, Return, ReturnMode};
 use super::histogram::Histogram;
 use super::report::lidar::{Returns, Sentences};
 use super::timeline::Timeline;
-use super::turning::HeadTurning;
 use crate::cli::Failure;
 use crate::config::LidarConfig;
 use crate::decoding;
+use crate::decoding::turning::HeadTurning;
 
 /// Ranges are counted in centimetres.
 const BINS_PER_M: f32 = 100.0;

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! * [`report`]: what is reported, as machines get it; `text`: the same for people;
-//! * `lidar`, `timeline`, `turning`, `histogram`: one LiDAR followed; `lidar_report`, `hdl64e`: what came out of it;
+//! * `lidar`, `timeline`, `histogram`: one LiDAR followed; `lidar_report`, `hdl64e`: what came out of it;
 //! * `kinect`: one Kinect followed; `input`: what was left out of an input; [`recording`]: what a recording says of itself.
 
 mod hdl64e;
@@ -19,7 +19,6 @@ pub mod recording;
 pub mod report;
 mod text;
 mod timeline;
-mod turning;
 
 use tumbled_model::{Body, Event};
 

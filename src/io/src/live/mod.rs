@@ -11,6 +11,7 @@
 //! * [`intake`]: a source's bounded way into the ledger, with its losses counted and posted; [`control`]: an operator's;
 //! * [`ledger`]: the thread that makes the one order; [`outlet`]: the bounded ways out of it;
 //! * [`clock`], [`arrival`]: the session's timeline and the kernel's stamps on it;
+//! * [`probe`]: listening for a moment, outside of any ledger;
 //! * [`send`]: the other end, a UDP sender that keeps a recording's pace;
 //! * [`stop`]: how every thread is told to end.
 //!
@@ -23,6 +24,7 @@ pub mod intake;
 pub mod ledger;
 mod metronome;
 pub mod outlet;
+pub mod probe;
 pub mod send;
 pub mod source;
 pub mod stop;
@@ -36,6 +38,7 @@ pub use control::{ControlError, ControlIntake};
 pub use intake::{Delivery, Intake, LedgerClosed, QueueBound};
 pub use ledger::{Ledger, LedgerHandle, LedgerSummary, QueueFill};
 pub use outlet::{Consumer, EventReceiver, OutletCounts, OutletGauge, Patience, ScanMark, WhenFull};
+pub use probe::{Heard, UdpProbe, listen};
 pub use send::{Pace, SendError, Sent, UdpSender};
 pub use source::{
     Device, Opener, ReceiveBuffer, Source, SourceCounters, SourceError, SourceInfo, SourceWarning, Summary, UdpInfo,

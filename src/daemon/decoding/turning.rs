@@ -4,7 +4,7 @@ use tumbled_velodyne::azimuth::forward_cdeg;
 
 /// Adds up the turning from packet to packet where nothing is missing between them.
 #[derive(Debug, Default)]
-pub(super) struct HeadTurning {
+pub struct HeadTurning {
     last: Option<(i64, u16)>,
     turned_cdeg: i64,
     span_ns: i64,
@@ -14,7 +14,7 @@ pub(super) struct HeadTurning {
 impl HeadTurning {
     /// Takes one packet: its time (any origin, ns), the azimuths of its first and last firings, 0.01°, and whether it
     /// follows the packet before it without loss, so that less than a turn lies between them.
-    pub(super) fn packet(&mut self, t_ns: i64, (first_cdeg, last_cdeg): (u16, u16), follows: bool) {
+    pub fn packet(&mut self, t_ns: i64, (first_cdeg, last_cdeg): (u16, u16), follows: bool) {
         if let (Some((before_ns, before_cdeg)), true) = (self.last, follows) {
             self.turned_cdeg += i64::from(forward_cdeg(before_cdeg, first_cdeg));
             self.span_ns += t_ns - before_ns;
@@ -24,17 +24,17 @@ impl HeadTurning {
     }
 
     /// Time of the newest packet.
-    pub(super) fn last_ns(&self) -> Option<i64> {
+    pub fn last_ns(&self) -> Option<i64> {
         self.last.map(|(t_ns, _)| t_ns)
     }
 
     /// Mean speed, turns per minute; `None` before two packets in a row.
-    pub(super) fn rpm(&self) -> Option<f64> {
+    pub fn rpm(&self) -> Option<f64> {
         (self.span_ns > 0).then(|| self.turned_cdeg as f64 / 36_000.0 * 60e9 / self.span_ns as f64)
     }
 
     /// Whether a whole turn was seen without loss in it.
-    pub(super) fn whole_turn(&self) -> bool {
+    pub fn whole_turn(&self) -> bool {
         self.turned_cdeg + self.last_packet_cdeg >= 36_000
     }
 }

@@ -1,0 +1,12 @@
+//! What this machine has: network interfaces, serial ports, Kinects on the USB.
+//!
+//! Looked up by name and without opening anything, so that nothing is reset, claimed or switched on by a look. What lies
+//! in `/dev` and `/sys` is looked for below a root that tests replace.
+
+pub mod interfaces;
+pub mod serial;
+pub mod usb;
+
+pub use interfaces::{Interface, Network, interfaces};
+pub use serial::{SerialAccess, SerialPort, serial_access, serial_ports};
+pub use usb::{KinectPart, KinectUsb, kinects};
