@@ -54,6 +54,7 @@ pub fn outputs() -> Vec<Published> {
         },
         Published { file: "docs/schema/verify.schema.json", schema: schema_for!(crate::cli::verify::VerifyReport) },
         Published { file: "docs/schema/info.schema.json", schema: schema_for!(crate::cli::info::report::InfoReport) },
+        Published { file: "docs/schema/status.schema.json", schema: schema_for!(crate::cli::status::StatusReport) },
         Published { file: "docs/schema/stream-hello.schema.json", schema: schema_for!(Sent<stream::Hello>) },
         Published { file: "docs/schema/stream-health.schema.json", schema: schema_for!(Sent<stream::HealthLine>) },
         Published { file: "docs/schema/stream-error.schema.json", schema: schema_for!(Sent<stream::ErrorLine>) },

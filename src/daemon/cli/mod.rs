@@ -25,6 +25,7 @@ pub mod render;
 pub mod replay;
 pub mod run;
 pub mod signals;
+pub mod status;
 pub mod verify;
 
 pub use failure::{Failure, Outcome};
@@ -88,6 +89,8 @@ enum Command {
     Recover(recover::Args),
     /// Find where two recordings differ.
     Diff(diff::Args),
+    /// Tell how a running daemon is doing.
+    Status(status::Args),
     /// Check, show, describe or write a config.
     #[command(subcommand)]
     Config(config::Command),
@@ -112,6 +115,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Verify(args) => verify::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Status(args) => status::run(&args),
         Command::Config(command) => config::run(command),
         Command::Doctor(args) => doctor::run(&args),
         Command::Devices(args) => devices::run(&args),
