@@ -207,6 +207,18 @@ fn a_viewer_of_the_old_protocol_is_refused_with_400() {
 }
 
 #[test]
+fn an_address_of_the_sixth_version_is_served_too() {
+    let Ok(_) = TcpListener::bind("[::1]:0") else {
+        println!("skipped: this machine has no IPv6");
+        return;
+    };
+    let config = FoxgloveConfig { address: "[::1]:0".parse().expect("an address"), ..FoxgloveConfig::default() };
+    let bridge = FoxgloveBridge::start(&config, &hello(), Vec::new()).expect("starts");
+    let (_viewer, info) = Viewer::connect(&bridge);
+    assert_eq!(info["op"], "serverInfo");
+}
+
+#[test]
 fn a_port_that_is_taken_is_named() {
     let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = taken.local_addr().expect("bound");

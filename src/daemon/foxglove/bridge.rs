@@ -1,7 +1,7 @@
 //! The bridge itself.
 
 use std::collections::BTreeMap;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -72,7 +72,7 @@ impl FoxgloveBridge {
             .name(title(hello))
             .session_id(hello.session.clone())
             .message_backlog_size(BACKLOG)
-            .bind(asked.ip().to_string(), asked.port());
+            .bind(host(asked.ip()), asked.port());
         let server = runtime.block_on(server.start()).map_err(|error| match error {
             foxglove::FoxgloveError::Bind(source) => FoxgloveError::Address { address: asked, source },
             other => start(other),
@@ -199,6 +199,14 @@ fn title(hello: &Hello) -> String {
         StreamOrigin::Simulated => "SIMULATED",
     };
     format!("tumbled {origin}: {}", hello.rig)
+}
+
+/// An address as the library puts a port behind it.
+fn host(ip: IpAddr) -> String {
+    match ip {
+        IpAddr::V4(ip) => ip.to_string(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+    }
 }
 
 fn health_schema() -> Schema {
