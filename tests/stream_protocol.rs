@@ -170,12 +170,28 @@ fn dropped_lines_are_told_and_the_numbers_go_on_without_a_gap() {
 }
 
 #[test]
+fn why_a_connection_ended_is_read_even_by_a_client_that_sends_on_and_reads_late() {
+    let server = server(Limits { farewell: Duration::from_millis(300), ..Limits::default() });
+    let mut client = Client::connect(&server);
+    // Three times what the server reads of it: a close with the rest unread would take the answer back.
+    client.send(vec![b'x'; 200 * 1024]);
+    wait_until("the server has closed", || server.clients().clients == 0);
+    assert_eq!(client.next()["code"], "too_long");
+    client.assert_closed();
+}
+
+#[test]
 fn a_client_that_closes_its_sending_side_gets_what_waits_and_is_let_go() {
+    const LINES: usize = 60; // 6 MB: more than the sockets hold, less than the queue
     let server = server(Limits::default());
     let mut client = Client::connect(&server);
-    client.send("{\"format\":\"?\"}\n");
+    for mark in 0..LINES {
+        server.publisher().publish_json(Class::Health, large(Class::Health, mark, 100_000));
+    }
     client.half_close();
-    assert_eq!(client.next()["code"], "unknown_format");
+    for mark in 0..LINES {
+        assert_eq!(client.next()["mark"], mark);
+    }
     client.assert_closed();
     wait_until("it is let go", || server.clients().clients == 0);
 }

@@ -107,7 +107,8 @@ async fn read_requests(read: &mut (impl AsyncBufReadExt + Unpin), client: &Admit
                 let answer = frame(Class::Error, &ErrorLine::of_request(&error)).ok();
                 if error.closes() {
                     client.queue.end(answer);
-                    return discard_until_closed(read).await;
+                    // The writer ends the connection once it has said why.
+                    return std::future::pending().await;
                 }
                 answer.into_iter().for_each(|answer| client.queue.control(answer));
             }
@@ -135,12 +136,6 @@ async fn next_line(read: &mut (impl AsyncBufReadExt + Unpin)) -> Result<Option<V
             return Ok(Some(line));
         }
     }
-}
-
-/// Reads on without listening. It does not end before the writer does, which still has to say why.
-async fn discard_until_closed(read: &mut (impl AsyncRead + Unpin)) {
-    discard(read).await;
-    std::future::pending::<()>().await;
 }
 
 /// Reads what a client still sends, up to a bound.
