@@ -17,7 +17,7 @@ pub struct Head {
 pub struct Heads {
     heads: [Head; BLOCKS],
     groups: u8,
-    /// Columns ([`crate::LidarPoint::column`]) of one group: 1, for the HDL-64E in dual return 2.
+    /// Columns ([`crate::LidarPoint::column`]) of one group: 1, for the VLP-16 and for the HDL-64E in dual return 2.
     columns: u8,
     step_cdeg: i32,
 }

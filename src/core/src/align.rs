@@ -3,6 +3,11 @@
 //! An epoch goes out when no other sensor can still come with an earlier one: each says by its watermark what it is
 //! past. So the order does not depend on whose data happened to arrive first. A sensor that is slow is waited for, a
 //! while; one that is silent is not. What comes after its place is gone is counted and left out: nothing is reordered.
+//!
+//! Nor does it depend on it what is left out. An epoch's place is gone when another has waited long enough at an instant
+//! before the epoch came, by the arrivals, and that is judged when every event of before the instant is in. An epoch
+//! that comes within the hold of its time cannot have lost its place, and goes out at once; a later one waits until
+//! the instant after it is judged.
 
 use crate::epoch::Epoch;
 use std::collections::{BTreeMap, VecDeque};
@@ -34,39 +39,55 @@ impl AlignCounts {
     }
 }
 
+/// Epochs of one sensor that wait at most, for a ledger without ticks: 1.6 s of a Kinect, 10 MB each.
+const MOST_WAITING: usize = 48;
+
+/// An epoch that waits for its place.
+#[derive(Debug)]
+struct Ready {
+    epoch: Epoch,
+    /// When it was complete: the arrival of the event that made it so.
+    by: RigNs,
+}
+
 /// One sensor's epochs on their way into the common order.
 #[derive(Debug, Default)]
 struct Lane {
-    ready: VecDeque<Epoch>,
+    ready: VecDeque<Ready>,
+    /// The newest arrival of an event that completed an epoch.
+    by: Option<RigNs>,
     watermark: Option<RigNs>,
     /// The others do not wait for it.
     silent: bool,
-    /// Its epochs before this time are left out.
-    joins: Option<RigNs>,
+    /// Of its epochs that are complete from an arrival on, those before a time are left out.
+    joins: Option<(RigNs, RigNs)>,
 }
 
 /// Merges the sensors' epochs. Sensors are numbered in the order of ties.
 #[derive(Debug)]
 pub(crate) struct Aligner {
     lanes: Vec<Lane>,
+    /// Whether a sensor has no other beside it that gives epochs.
+    alone: bool,
     hold: Span,
-    /// The newest tick: waiting is measured by it.
-    now: RigNs,
     last: Option<(RigNs, usize)>,
     next_number: u64,
-    /// By second of the epochs' times: what is complete when a second is reported.
+    /// By the second in which the epochs were complete: what was decided when a second is reported.
     counts: BTreeMap<i64, Vec<AlignCounts>>,
+    left_out: Vec<Epoch>,
 }
 
 impl Aligner {
-    pub(crate) fn new(lanes: usize, hold: Span) -> Self {
+    /// For so many sensors, of which so many give epochs.
+    pub(crate) fn new(lanes: usize, giving: usize, hold: Span) -> Self {
         Self {
             lanes: (0..lanes).map(|_| Lane::default()).collect(),
+            alone: giving < 2,
             hold,
-            now: RigNs(i64::MIN / 2),
             last: None,
             next_number: 0,
             counts: BTreeMap::new(),
+            left_out: Vec::new(),
         }
     }
 
@@ -74,11 +95,21 @@ impl Aligner {
         self.hold = hold;
     }
 
-    /// Takes a sensor's next epoch.
-    pub(crate) fn offer(&mut self, lane: usize, epoch: Epoch) {
-        if let Some(lane) = self.lanes.get_mut(lane) {
-            lane.ready.push_back(epoch);
+    /// Takes a sensor's next epoch, complete with an event that arrived at `by`. `is_silent`: nobody waited for it then.
+    pub(crate) fn offer(&mut self, number: usize, epoch: Epoch, by: RigNs, is_silent: bool) {
+        let Some(lane) = self.lanes.get_mut(number) else { return };
+        let by = lane.by.map_or(by, |newest| newest.max(by));
+        lane.by = Some(by);
+        if is_silent || lane.joins.is_some_and(|(from, joins)| by >= from && epoch.t < joins) {
+            let points = epoch.scan.len() as u64;
+            self.left_out.push(epoch);
+            return self.count(
+                number,
+                by,
+                AlignCounts { joining: 1, points_left_out: points, ..AlignCounts::default() },
+            );
         }
+        lane.ready.push_back(Ready { epoch, by });
     }
 
     /// No later epoch of this sensor will have an earlier time.
@@ -88,36 +119,54 @@ impl Aligner {
         }
     }
 
-    /// A sensor fell silent, or is back since `t`.
-    pub(crate) fn set_silent(&mut self, lane: usize, silent: bool, t: RigNs) {
-        if let Some(lane) = self.lanes.get_mut(lane)
-            && lane.silent != silent
-        {
-            lane.silent = silent;
-            lane.joins = (!silent).then_some(t + JOINS_AFTER);
+    /// A sensor that was silent sends again with an event that arrived at `from`; from the instant `t` on it is not silent
+    /// any more.
+    pub(crate) fn returns(&mut self, lane: usize, from: RigNs, t: RigNs) {
+        if let Some(lane) = self.lanes.get_mut(lane) {
+            lane.joins = Some((from, t + JOINS_AFTER));
         }
     }
 
-    /// Time has passed.
-    pub(crate) fn tick(&mut self, now: RigNs) {
-        self.now = self.now.max(now);
+    /// Whether a sensor is waited for, as judged at an instant.
+    pub(crate) fn set_silent(&mut self, lane: usize, silent: bool) {
+        if let Some(lane) = self.lanes.get_mut(lane) {
+            lane.silent = silent;
+        }
     }
 
-    /// Gives out every epoch whose turn it is.
+    /// Gives out every epoch that nothing can come before any more.
     pub(crate) fn release(&mut self, out: &mut Vec<Epoch>, left_out: &mut Vec<Epoch>) {
-        while let Some(lane) = self.next(false) {
+        left_out.append(&mut self.left_out);
+        while let Some((lane, _)) = self.first(None).filter(|(lane, front)| self.is_free(*lane, front)) {
+            self.give_out(lane, out, left_out);
+        }
+        while self.lanes.iter().any(|lane| lane.ready.len() > MOST_WAITING)
+            && let Some((lane, _)) = self.first(None)
+        {
+            self.give_out(lane, out, left_out);
+        }
+    }
+
+    /// Gives out every epoch that had waited long enough at an instant, all events of before which are in.
+    pub(crate) fn judge(&mut self, instant: RigNs, out: &mut Vec<Epoch>, left_out: &mut Vec<Epoch>) {
+        while let Some((lane, front)) = self.first(Some(instant)) {
+            let waited = instant - front.epoch.span.1 >= self.hold;
+            if !waited && !self.others_passed(lane, front.epoch.t) {
+                return;
+            }
             self.give_out(lane, out, left_out);
         }
     }
 
     /// Gives out everything: nothing more comes.
     pub(crate) fn finish(&mut self, out: &mut Vec<Epoch>, left_out: &mut Vec<Epoch>) {
-        while let Some(lane) = self.next(true) {
+        left_out.append(&mut self.left_out);
+        while let Some((lane, _)) = self.first(None) {
             self.give_out(lane, out, left_out);
         }
     }
 
-    /// Counts of a sensor's epochs with times before `t`; complete when `t` lies a second back.
+    /// Counts of a sensor's epochs that were complete before `t`; decided when `t` lies a second back.
     pub(crate) fn counts_before(&mut self, t: RigNs, lane: usize) -> AlignCounts {
         let second = t.0.div_euclid(1_000_000_000);
         // What lies before is kept as one sum.
@@ -137,41 +186,53 @@ impl Aligner {
         sum
     }
 
-    /// The sensor whose epoch is next, if nothing earlier can come or it has waited long enough.
-    fn next(&self, at_end: bool) -> Option<usize> {
-        let fronts = self.lanes.iter().enumerate().filter_map(|(n, lane)| Some((lane.ready.front()?.t, n)));
-        let (t, first) = fronts.min()?;
-        let epoch = self.lanes.get(first)?.ready.front()?;
-        let waited = at_end || self.now - epoch.span.1 >= self.hold;
-        let others = self.lanes.iter().enumerate().filter(|(n, _)| *n != first);
-        let passed = others.into_iter().all(|(n, lane)| {
-            lane.silent
-                || !lane.ready.is_empty()
-                || lane.watermark.is_some_and(|watermark| watermark > t || (watermark == t && n > first))
-        });
-        (waited || passed).then_some(first)
+    /// The earliest epoch that waits, of those that were complete before an instant.
+    fn first(&self, complete_before: Option<RigNs>) -> Option<(usize, &Ready)> {
+        let fronts = self.lanes.iter().enumerate().filter_map(|(n, lane)| Some((n, lane.ready.front()?)));
+        let fronts = fronts.filter(|(_, front)| complete_before.is_none_or(|instant| front.by < instant));
+        fronts.min_by_key(|(n, front)| (front.epoch.t, *n))
+    }
+
+    /// Whether the earliest epoch of all may go out before the next instant is judged.
+    fn is_free(&self, lane: usize, front: &Ready) -> bool {
+        let in_time = self.alone || front.by - front.epoch.t <= self.hold;
+        in_time && self.others_passed(lane, front.epoch.t)
+    }
+
+    /// Whether no other sensor can come with an epoch that belongs before this one.
+    fn others_passed(&self, lane: usize, t: RigNs) -> bool {
+        self.lanes.iter().enumerate().filter(|(n, _)| *n != lane).all(|(n, other)| {
+            let behind = |time: RigNs| (time, n) > (t, lane);
+            other.silent
+                || match other.ready.front() {
+                    Some(front) => behind(front.epoch.t),
+                    None => other.watermark.is_some_and(behind),
+                }
+        })
     }
 
     fn give_out(&mut self, lane: usize, out: &mut Vec<Epoch>, left_out: &mut Vec<Epoch>) {
-        let lanes = self.lanes.len();
         let Some(source) = self.lanes.get_mut(lane) else { return };
-        let Some(mut epoch) = source.ready.pop_front() else { return };
-        let joining = source.joins.is_some_and(|joins| epoch.t < joins);
-        let late = self.last.is_some_and(|last| (epoch.t, lane) < last);
-        let second = epoch.t.0.div_euclid(1_000_000_000);
-        let counts = self.counts.entry(second).or_insert_with(|| vec![AlignCounts::default(); lanes]);
-        let Some(counts) = counts.get_mut(lane) else { return };
-        if joining || late {
-            counts.joining += u64::from(joining);
-            counts.late += u64::from(!joining);
-            counts.points_left_out += epoch.scan.len() as u64;
-            return left_out.push(epoch);
+        let Some(Ready { mut epoch, by }) = source.ready.pop_front() else { return };
+        if self.last.is_some_and(|last| (epoch.t, lane) < last) {
+            let points = epoch.scan.len() as u64;
+            left_out.push(epoch);
+            return self.count(lane, by, AlignCounts { late: 1, points_left_out: points, ..AlignCounts::default() });
         }
-        counts.epochs += 1;
+        self.count(lane, by, AlignCounts { epochs: 1, ..AlignCounts::default() });
         self.last = Some((epoch.t, lane));
         epoch.number = self.next_number;
         self.next_number += 1;
         out.push(epoch);
+    }
+
+    fn count(&mut self, lane: usize, by: RigNs, counts: AlignCounts) {
+        let lanes = self.lanes.len();
+        let second = by.0.div_euclid(1_000_000_000);
+        let sums = self.counts.entry(second).or_insert_with(|| vec![AlignCounts::default(); lanes]);
+        if let Some(sum) = sums.get_mut(lane) {
+            sum.add(counts);
+        }
     }
 }
 
@@ -205,23 +266,27 @@ mod tests {
 
     impl Rig {
         fn new() -> Self {
-            Self(Aligner::new(2, HOLD), Vec::new(), Vec::new())
+            Self(Aligner::new(2, 2, HOLD), Vec::new(), Vec::new())
         }
 
         fn camera(&mut self, ms: i64) -> Vec<i64> {
-            self.0.offer(CAMERA, epoch("near", ms));
+            self.0.offer(CAMERA, epoch("near", ms), RigNs((ms + 30) * MS), false);
             self.0.pass(CAMERA, Some(RigNs(ms * MS)));
             self.out()
         }
 
         fn lidar(&mut self, ms: i64) -> Vec<i64> {
-            self.0.offer(LIDAR, epoch("front", ms));
+            self.lidar_by(ms, ms + 15)
+        }
+
+        fn lidar_by(&mut self, ms: i64, by_ms: i64) -> Vec<i64> {
+            self.0.offer(LIDAR, epoch("front", ms), RigNs(by_ms * MS), false);
             self.0.pass(LIDAR, Some(RigNs((ms + 15) * MS)));
             self.out()
         }
 
-        fn tick(&mut self, ms: i64) -> Vec<i64> {
-            self.0.tick(RigNs(ms * MS));
+        fn judge(&mut self, ms: i64) -> Vec<i64> {
+            self.0.judge(RigNs(ms * MS), &mut self.1, &mut self.2);
             self.out()
         }
 
@@ -256,24 +321,51 @@ mod tests {
     fn a_sensor_that_does_not_come_is_waited_for_150_ms() {
         let mut rig = Rig::new();
         rig.camera(10);
-        assert_eq!(rig.tick(159), [0i64; 0]);
-        assert_eq!(rig.tick(160), [10]);
-        assert_eq!(rig.lidar(5), [0i64; 0], "its place is gone");
+        assert_eq!(rig.judge(159), [0i64; 0]);
+        assert_eq!(rig.judge(160), [10]);
+        assert_eq!(rig.lidar_by(5, 170), [0i64; 0], "its place may be gone");
+        assert_eq!(rig.judge(200), [0i64; 0], "it is gone");
         assert_eq!(rig.0.counts_before(RigNs(1_000 * MS), LIDAR).late, 1);
         assert_eq!(rig.2.len(), 1);
     }
 
     #[test]
+    fn an_epoch_that_came_before_the_instant_has_its_place_whenever_it_is_judged() {
+        // The camera's epoch has waited long enough at 200 ms; the LiDAR's was complete at 199 ms, or at 200 ms.
+        for (by, order, late) in [(199, vec![5, 10], 0), (200, vec![10], 1)] {
+            for judged_first in [true, false] {
+                let mut rig = Rig::new();
+                let mut out = rig.camera(10);
+                if judged_first && by == 200 {
+                    out.extend(rig.judge(200));
+                }
+                out.extend(rig.lidar_by(5, by));
+                out.extend(rig.judge(200));
+                out.extend(rig.judge(300));
+                assert_eq!((out, rig.2.len()), (order.clone(), late), "complete at {by} ms");
+            }
+        }
+    }
+
+    #[test]
     fn a_silent_sensor_is_not_waited_for_and_joins_half_a_second_after_its_return() {
         let mut rig = Rig::new();
-        rig.0.set_silent(LIDAR, true, RigNs(0));
+        rig.0.set_silent(LIDAR, true);
         assert_eq!(rig.camera(3_000), [3_000]);
-        rig.0.set_silent(LIDAR, false, RigNs(3_000 * MS));
+        rig.0.returns(LIDAR, RigNs(2_950 * MS), RigNs(3_000 * MS));
         assert_eq!(rig.lidar(3_499), [0i64; 0]);
+        rig.0.set_silent(LIDAR, false);
         assert_eq!(rig.camera(3_510), [3_510], "the LiDAR is past 3514");
         assert_eq!(rig.lidar(3_520), [0i64; 0]);
         assert_eq!(rig.camera(3_530), [3_520, 3_530]);
         let counts = rig.0.counts_before(RigNs(4_000 * MS), LIDAR);
         assert_eq!((counts.epochs, counts.joining, counts.late), (1, 1, 0));
+    }
+
+    #[test]
+    fn without_anyone_to_judge_no_more_than_48_epochs_wait() {
+        let mut rig = Rig::new();
+        let out: Vec<i64> = (0..100).flat_map(|n| rig.camera(33 * n)).collect();
+        assert_eq!(out, (0..52).map(|n| 33 * n).collect::<Vec<_>>());
     }
 }

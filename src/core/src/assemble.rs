@@ -109,9 +109,6 @@ impl Assembler {
             self.sweep(packet, offset, t, end - run_start);
         }
         self.fill(packet, run_start..columns.len());
-        if let Some(open) = &mut self.open {
-            open.scan.packets += 1;
-        }
     }
 
     /// Ends the open turn with what it has.
@@ -220,7 +217,8 @@ impl Assembler {
     /// Counts a firing of the open turn; `unfilled` points up to its end are not in the turn's columns yet.
     fn sweep(&mut self, packet: &TimedPacket, offset: i32, t: RigNs, unfilled: usize) {
         let Some(open) = &mut self.open else { return };
-        open.span.1 = open.span.1.max(t);
+        // While the clock is being found a packet may lie some µs before the end of the one before it.
+        open.span = (open.span.0.min(t), open.span.1.max(t));
         (open.sigma, open.basis) = (packet.sigma, packet.basis);
         open.arrived = open.arrived.max(packet.arrived);
         if self.sector.is_region(offset) {
@@ -241,6 +239,7 @@ impl Assembler {
         let columns = &mut open.scan.points;
         let before = columns.len();
         columns.extend_from_range(&packet.points, points);
+        open.scan.packets += 1;
         let later = (packet.t - open.scan.stamp).0;
         for dt_ns in columns.dt_ns.iter_mut().skip(before) {
             *dt_ns = (i64::from(*dt_ns) + later) as i32; // within a turn, 1 s at most

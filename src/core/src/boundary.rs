@@ -4,7 +4,7 @@
 use crate::config::CoreConfig;
 use crate::sector::{Sector, TURN_CDEG};
 use std::collections::BTreeMap;
-use tumbled_model::{Body, SensorId};
+use tumbled_model::{Body, LidarTime, SensorId};
 use tumbled_velodyne::DataPacket;
 
 /// Follows every sensor's data and tells where a scan begins: a Kinect's with each frame, a LiDAR's with the packet
@@ -14,16 +14,21 @@ pub struct ScanBoundaries {
     lidars: BTreeMap<SensorId, Cut>,
 }
 
-/// A packet that starts so little behind the newest one was overtaken by it: three packets of 1200 rpm.
+/// A packet that starts so little behind the newest one was overtaken by it (three packets of 1200 rpm), unless its stamp
+/// says that it is a narrow view's next pass.
 const BACKWARDS_CDEG: i32 = 1_500;
+/// So little behind, it is jitter of a slow or standing motor, whatever the stamp says.
+const JITTER_CDEG: i32 = 50;
+/// A stamp that lies up to 1 s behind the newest is of a packet that was overtaken; farther, of a clock that was set.
+const OVERTAKEN_NS: i64 = 1_000_000_000;
 /// From scan to scan the head turns at least so far: jitter of the encoder at the cut begins none.
 const LEAST_SCAN_CDEG: i32 = TURN_CDEG / 2;
 
 #[derive(Clone, Debug)]
 struct Cut {
     sector: Sector,
-    /// Where the head stood at the newest packet's start.
-    newest: Option<i32>,
+    /// Where the head stood at the newest packet's start, and its stamp.
+    newest: Option<(i32, LidarTime)>,
     /// How far it has turned since the last scan began, 0.01°; a little over two turns at most.
     turned: i32,
 }
@@ -51,20 +56,22 @@ impl ScanBoundaries {
 
 impl Cut {
     fn begins(&mut self, payload: &[u8]) -> bool {
-        let Some(azimuth) = DataPacket::new(payload).ok().and_then(|packet| packet.azimuths().ok()?.first().copied())
-        else {
+        let Ok(packet) = DataPacket::new(payload) else { return false };
+        let Some(azimuth) = packet.azimuths().ok().and_then(|azimuths| azimuths.first().copied()) else {
             return false;
         };
-        let offset = self.sector.offset(azimuth);
-        let Some(from) = self.newest else {
-            self.newest = Some(offset);
+        let (offset, stamp) = (self.sector.offset(azimuth), packet.stamp());
+        let Some((from, before)) = self.newest else {
+            self.newest = Some((offset, stamp));
             return true;
         };
         let way = (offset - from).rem_euclid(TURN_CDEG);
-        if way > TURN_CDEG - BACKWARDS_CDEG {
+        let later = stamp.since(before).0;
+        let is_overtaken = (-OVERTAKEN_NS..0).contains(&later);
+        if is_overtaken || way > TURN_CDEG - JITTER_CDEG || (way > TURN_CDEG - BACKWARDS_CDEG && later <= 0) {
             return false;
         }
-        self.newest = Some(offset);
+        self.newest = Some((offset, stamp));
         self.turned += way;
         let begins = way >= self.sector.to_cut(from) && self.turned >= LEAST_SCAN_CDEG;
         if begins {

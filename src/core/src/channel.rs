@@ -90,7 +90,9 @@ impl Channels {
                 kinect.frame(frame, event.arrived, spare, workers);
             }
             (Body::SerialChunk { bytes, .. }, Channel::Serial(vitals)) => vitals.datum(event.arrived, bytes.len()),
-            (Body::SensorState { state, .. }, channel) => channel.vitals_mut().source(*state),
+            (Body::SensorState { state, .. }, Channel::Kinect(kinect)) => kinect.source(*state),
+            (Body::SensorState { state, .. }, Channel::Lidar(lidar)) => lidar.source(*state),
+            (Body::SensorState { state, .. }, Channel::Serial(vitals)) => vitals.source(*state),
             (Body::Gap { lost, place, .. }, Channel::Lidar(lidar)) => lidar.gap(*place, *lost),
             (Body::Gap { lost, place, .. }, channel) => channel.vitals_mut().gap(*place, *lost),
             (Body::Skip { scans, .. }, Channel::Lidar(lidar)) if !config.ignore_skips => lidar.shedding.skip(*scans),
@@ -168,12 +170,9 @@ impl Channels {
         }
     }
 
-    /// Notes that a whole second (in beats) is behind a sensor; false when that was noted before.
-    pub(crate) fn begin_second(&mut self, channel: usize, second: i64) -> bool {
-        let Some(newest) = self.seconds.get_mut(channel) else { return false };
-        if second <= *newest {
-            return false;
-        }
+    /// Notes that a whole second (in beats) is behind a sensor.
+    pub(crate) fn begin_second(&mut self, channel: usize, second: i64) {
+        let Some(newest) = self.seconds.get_mut(channel) else { return };
         let seconds = (second - core::mem::replace(newest, second)) / crate::beat::BEATS_PER_SECOND;
         match self.channels.get_mut(channel) {
             Some(Channel::Kinect(kinect)) => kinect.seconds(seconds),
@@ -181,7 +180,6 @@ impl Channels {
             Some(Channel::Serial(vitals)) => vitals.seconds(seconds),
             None => {}
         }
-        true
     }
 
     pub(crate) fn state(&self, channel: usize, t: RigNs) -> SensorState {

@@ -20,7 +20,7 @@ use crate::workers::Workers;
 use bytes::Bytes;
 use std::collections::BTreeMap;
 use tumbled_kinect::{BackProjector, DecodeCounts, DepthImage, DepthTable, Freshness, FrozenDetector, decode_metres};
-use tumbled_model::{DepthEncoding, KinectTicks, PacketMask, RigNs, SensorId, Span};
+use tumbled_model::{DepthEncoding, KinectTicks, PacketMask, RigNs, SensorId, SourceState, Span};
 
 /// A depth frame as the ledger has it.
 #[derive(Clone, Copy)]
@@ -89,6 +89,16 @@ impl KinectChannel {
         self.projector = setup.projector.clone();
         self.placement = Placement::new(&setup.t_rig_kinect, &config.roi);
         self.time_offset = setup.time_offset;
+    }
+
+    /// Its source's state changed.
+    pub(crate) fn source(&mut self, state: SourceState) {
+        self.vitals.source(state);
+        if state == SourceState::Opened {
+            // Its counter may begin anywhere, and an earlier stamp is no repetition.
+            self.frozen.reset();
+            self.is_frozen = false;
+        }
     }
 
     /// Takes one frame.

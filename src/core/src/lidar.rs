@@ -17,10 +17,10 @@ use crate::sector::{Sector, TURN_CDEG};
 use crate::vitals::Vitals;
 use crate::workers::Workers;
 use bytes::Bytes;
-use tumbled_model::{RigNs, SensorId, Span};
+use tumbled_model::{RigNs, SensorId, SourceState, Span};
 use tumbled_velodyne::stream::{Decoded, PacketInfo, Rejection, StreamDecoder};
-use tumbled_velodyne::track::Order;
-use tumbled_velodyne::{Model, ReturnMode};
+use tumbled_velodyne::track::{Order, StreamTotals};
+use tumbled_velodyne::{DataPacket, Model, ReturnMode};
 
 /// What a channel tells people: what kind, how bad, and the sentence.
 pub(crate) type Remark = (NoticeKind, Gravity, String);
@@ -43,10 +43,14 @@ pub(crate) struct LidarChannel {
     clock_began: bool,
     turns: Vec<Turn>,
     points: PointHealth,
-    /// Losses posted since the last data packet: the next stamp will tell of them too.
+    /// Losses posted since the newest data packet: the next stamp will tell of them too.
     posted: u64,
-    /// Losses that were posted and that no stamp can tell of: the counter began anew.
+    /// Losses that were posted and that no stamp can tell of: the counter began, or there is none.
     unstamped: u64,
+    /// Payloads of a data packet's length so far: how the decoder numbers them.
+    payloads: u64,
+    /// Whether the packet that the decoder holds back is of a shed scan.
+    held_is_shed: bool,
     coverage: Option<f64>,
     points_in_roi: u64,
     seen: (Option<Model>, Option<ReturnMode>),
@@ -76,6 +80,8 @@ impl LidarChannel {
             points: PointHealth::default(),
             posted: 0,
             unstamped: 0,
+            payloads: 0,
+            held_is_shed: false,
             coverage: None,
             points_in_roi: 0,
             seen: (None, None),
@@ -104,16 +110,53 @@ impl LidarChannel {
         }
         self.vitals.datum(arrived, payload.len());
         let shed = self.shedding.covers(begins_scan);
+        let before = (self.decoder.model(), self.decoder.tracker().totals());
         self.decoded.clear();
         let rejection = self.decoder.push(payload, arrived, &mut self.decoded);
         let mut decoded = core::mem::take(&mut self.decoded);
+        self.settle_losses(before, &decoded);
         self.take_positions(&decoded);
-        for packet in decoded.packets.drain(..) {
-            self.take(&packet, &decoded.points, shed);
+        let index = self.payloads;
+        for packet in &decoded.packets {
+            let shed = if packet.index == index { shed } else { self.held_is_shed };
+            self.take(packet, &decoded.points, shed);
         }
+        if DataPacket::new(payload).is_ok() {
+            self.payloads += 1;
+            if rejection.is_none() && decoded.packets.last().is_none_or(|packet| packet.index != index) {
+                self.held_is_shed = shed;
+            }
+        }
+        decoded.clear();
         self.decoded = decoded;
         if let Some(rejection) = rejection {
             self.notice_rejection(payload, rejection);
+        }
+    }
+
+    /// What was posted is told once more by the next packet's stamp, which is the better witness; where no stamp can
+    /// tell of it, it stays as it was posted.
+    fn settle_losses(&mut self, (model, before): (Option<Model>, StreamTotals), decoded: &Decoded) {
+        let now = self.decoder.tracker().totals();
+        if self.decoder.model() != model {
+            // The tracker begins with this packet, and forgets what another model's stream had lost.
+            self.unstamped += before.lost;
+        }
+        let begins = self.decoder.model() != model || now.resets > before.resets;
+        let newer = |totals: &StreamTotals| totals.received.saturating_sub(totals.duplicates + totals.late);
+        let has_no_stamp = decoded.packets.last().is_some_and(|packet| packet.stamp.is_none());
+        if begins || has_no_stamp {
+            self.unstamped += core::mem::take(&mut self.posted);
+        } else if newer(&now) > newer(&before) {
+            self.posted = 0;
+        }
+    }
+
+    /// Its source's state changed. What it had sent is a turn of its own: nobody waits for the rest of it.
+    pub(crate) fn source(&mut self, state: SourceState) {
+        self.vitals.source(state);
+        if state != SourceState::Opened {
+            self.end_turn();
         }
     }
 
@@ -136,7 +179,7 @@ impl LidarChannel {
         self.decoder.finish(&mut self.decoded);
         let decoded = core::mem::take(&mut self.decoded);
         for packet in &decoded.packets {
-            self.take(packet, &decoded.points, false);
+            self.take(packet, &decoded.points, self.held_is_shed);
         }
         self.end_turn();
     }
@@ -209,7 +252,7 @@ impl LidarChannel {
             reordered: totals.late,
             points: PointHealth { decoded: counts.points, ..self.points },
             epochs: crate::health::EpochHealth { shed_scans: self.shedding.scans(), ..Default::default() },
-            clock: (self.vitals.received > 0).then(|| self.clock.report(t).into()),
+            clock: self.clock_began.then(|| self.clock.report(t).into()),
             lidar: Some(LidarHealth {
                 model: self.decoder.model().map(|model| model.to_string()),
                 return_mode: self.seen.1.map(|mode| mode.to_string()),
@@ -240,10 +283,8 @@ impl LidarChannel {
             return;
         }
         if info.order == Order::Reset {
-            self.unstamped += self.posted;
             self.end_turn();
         }
-        self.posted = 0;
         let Some((t, sigma, basis)) = self.time(info) else {
             self.points.untimed += len;
             return;

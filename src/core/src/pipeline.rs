@@ -8,7 +8,7 @@
 //! ```
 
 use crate::align::Aligner;
-use crate::beat::{self, Beat, Pulse};
+use crate::beat::{self, Beat, Pulse, Steps};
 use crate::boundary::ScanBoundaries;
 use crate::channel::Channels;
 use crate::clock::WallClock;
@@ -72,7 +72,7 @@ impl Pipeline {
         let sensors = channels.len();
         Self {
             boundaries: ScanBoundaries::new(&config),
-            aligner: Aligner::new(sensors, config.timing.hold),
+            aligner: Aligner::new(sensors, config.kinects.len() + config.lidars.len(), config.timing.hold),
             beat: Beat::new(sensors),
             states: vec![SensorState::Absent; sensors],
             judge: Judge::default(),
@@ -122,9 +122,12 @@ impl Pipeline {
     /// The ledger has ended: gives out what was waiting for more.
     pub fn finish(&mut self, out: &mut Outputs) {
         self.reclaim(out);
+        for instant in self.beat.left(self.now) {
+            self.aligner.judge(beat::time(instant), &mut out.epochs, &mut out.done);
+        }
         for channel in 0..self.channels.len() {
             self.channels.finish(channel);
-            self.collect(channel);
+            self.collect(channel, self.now, false);
         }
         self.aligner.finish(&mut out.epochs, &mut out.done);
         self.notices.release(RigNs(i64::MAX), &mut out.notices);
@@ -143,8 +146,8 @@ impl Pipeline {
 
     /// Lets a sensor's channel have its event, and passes its epochs on.
     fn feed(&mut self, channel: usize, event: &Event, begins_scan: bool) {
-        if let Some(instant) = self.beat.steps_over(channel, event.arrived) {
-            self.keep_pulse(channel, instant);
+        if let Some(steps) = self.beat.steps_over(channel, event.arrived) {
+            self.step_over(channel, event.arrived, &steps);
         }
         let before = self.channels.shed_scans(channel);
         self.channels.take(channel, event, begins_scan, &self.config, &mut self.spare, &self.workers);
@@ -159,13 +162,24 @@ impl Pipeline {
             let sensor = Some(self.channels.id(channel).clone());
             self.notices.push(channel, Notice { t: event.arrived, sensor, gravity, kind, message });
         }
-        self.collect(channel);
+        self.collect(channel, event.arrived, false);
     }
 
-    /// Hands a channel's epochs and its watermark to the aligner.
-    fn collect(&mut self, channel: usize) {
+    /// Keeps what a sensor was like at the instants that its event is the first to step over.
+    fn step_over(&mut self, channel: usize, arrived: RigNs, steps: &Steps) {
+        if !self.channels.may_come(channel, beat::time(steps.newest), self.config.timing.silent_after) {
+            self.aligner.returns(channel, arrived, beat::time(steps.newest + 1));
+        }
+        for instant in steps.unjudged.clone() {
+            let pulse = self.pulse(channel, instant);
+            self.beat.keep(channel, instant, pulse);
+        }
+    }
+
+    /// Hands a channel's epochs and its watermark to the aligner; `by` is the arrival or the instant that completed them.
+    fn collect(&mut self, channel: usize, by: RigNs, is_silent: bool) {
         let (channels, aligner) = (&mut self.channels, &mut self.aligner);
-        channels.epochs(channel, &mut self.spare, &self.workers, |epoch| aligner.offer(channel, epoch));
+        channels.epochs(channel, &mut self.spare, &self.workers, |epoch| aligner.offer(channel, epoch, by, is_silent));
         aligner.pass(channel, channels.watermark(channel));
     }
 
@@ -181,20 +195,18 @@ impl Pipeline {
 
     /// Judges every instant that this tick lets be judged.
     fn tick(&mut self, arrived: RigNs, out: &mut Outputs) {
-        self.aligner.tick(arrived);
         while let Some(instant) = self.beat.due(arrived) {
             let t = beat::time(instant);
             let mut healths = Vec::new();
             for channel in 0..self.channels.len() {
                 let pulse = match self.beat.take(channel, instant) {
                     Some(kept) => kept,
-                    None => self.pulse_now(channel, instant),
+                    None => self.pulse(channel, instant),
                 };
                 self.judge_state(channel, t, &pulse);
-                if beat::is_second(instant) {
-                    healths.push(pulse.health.map_or_else(|| self.channels.health(channel, t), |health| *health));
-                }
+                healths.extend(pulse.health.map(|health| *health));
             }
+            self.aligner.judge(t, &mut out.epochs, &mut out.done);
             self.notices.release(t, &mut out.notices);
             if beat::is_second(instant) && instant > 0 {
                 out.health.push(self.health(t, healths));
@@ -202,33 +214,21 @@ impl Pipeline {
         }
     }
 
-    /// A sensor's pulse at an instant that its events have not stepped over yet.
-    fn pulse_now(&mut self, channel: usize, instant: i64) -> Pulse {
-        self.channels.silence(channel, beat::time(instant));
-        self.collect(channel);
-        self.pulse(channel, instant)
-    }
-
-    fn keep_pulse(&mut self, channel: usize, instant: i64) {
-        let pulse = self.pulse(channel, instant);
-        self.beat.keep(channel, instant, pulse);
-    }
-
-    /// A sensor as it is, at an instant: at whole seconds, or when its events step over one, with its health.
+    /// A sensor just before an instant that none of its events has stepped over yet; at whole seconds with its health.
     fn pulse(&mut self, channel: usize, instant: i64) -> Pulse {
         let t = beat::time(instant);
-        let second = beat::second_before(instant);
-        let begins = self.channels.begin_second(channel, second);
-        let health = begins.then(|| Box::new(self.channels.health(channel, beat::time(second))));
-        Pulse {
-            state: self.channels.state(channel, t),
-            may_come: self.channels.may_come(channel, t, self.config.timing.silent_after),
-            health,
-        }
+        let may_come = self.channels.may_come(channel, t, self.config.timing.silent_after);
+        self.channels.silence(channel, t);
+        self.collect(channel, t, !may_come);
+        let health = beat::is_second(instant).then(|| {
+            self.channels.begin_second(channel, instant);
+            Box::new(self.channels.health(channel, t))
+        });
+        Pulse { state: self.channels.state(channel, t), may_come, health }
     }
 
     fn judge_state(&mut self, channel: usize, t: RigNs, pulse: &Pulse) {
-        self.aligner.set_silent(channel, !pulse.may_come, t);
+        self.aligner.set_silent(channel, !pulse.may_come);
         let Some(state) = self.states.get_mut(channel) else { return };
         let before = core::mem::replace(state, pulse.state);
         if before != pulse.state {
@@ -253,8 +253,8 @@ impl Pipeline {
         let reasons = self.judge.judge(reasons::observe(&sensors));
         let wall = WallHealth {
             unix_ns: self.wall.unix(t).map(|unix| unix.0.to_string()),
-            steps: self.wall.steps(),
-            last_step_ns: self.wall.last_step().map(|step| step.0),
+            steps: self.wall.steps_until(t),
+            last_step_ns: self.wall.last_step_until(t).map(|step| step.0),
         };
         CoreHealth { t_ns: t.0, level: worst(&reasons), reasons, sensors, wall }
     }

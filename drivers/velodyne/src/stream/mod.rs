@@ -19,7 +19,7 @@ use crate::points::Points;
 use crate::position::PositionPacket;
 pub use crate::settings::{Settings, StampReference};
 use crate::track::{Order, PacketTracker};
-use crate::wire::{BLOCKS, DATA_LEN, DataPacket, POSITION_LEN, WireError};
+use crate::wire::{BLOCKS, DATA_LEN, DataPacket, POSITION_LEN, SLOTS, WireError};
 use tumbled_model::{LidarTime, RigNs};
 
 mod hdl64e;
@@ -360,7 +360,9 @@ impl StreamDecoder {
 
     fn heads(&self, held: &Held, shift_ns: i32, pause_ns: i64) -> Heads {
         let period_ns = self.model.and_then(|model| packet_period_ns(model, held.mode)).unwrap_or_default();
-        Heads::new(&held.turning, GroupTimes { period_ns, shift_ns, pause_ns, columns: 1 })
+        // The sixteen lasers of a VLP-16 fire twice in a block.
+        let columns = self.model.map_or(1, |model| SLOTS / model.lasers().clamp(1, SLOTS)) as u8;
+        Heads::new(&held.turning, GroupTimes { period_ns, shift_ns, pause_ns, columns })
     }
 
     fn keep_in_range(&mut self, start: usize, points: &mut Points) {

@@ -17,6 +17,7 @@ pub(crate) struct Packet {
     pub(crate) has_jump: bool,
 }
 
+#[derive(Clone, Debug)]
 pub(crate) struct Sensor {
     pub(crate) model: Model,
     pub(crate) mode: ReturnMode,

@@ -14,11 +14,22 @@ const ANCHORS: usize = 16;
 struct Anchor {
     rig: RigNs,
     unix: UnixNs,
+    /// Steps up to this anchor, and the newest of them.
+    steps: u64,
+    last_step: Option<Span>,
 }
 
 impl Anchor {
     fn offset(&self) -> i64 {
         self.unix.0.saturating_sub(self.rig.0)
+    }
+
+    /// By how much the wall clock was set since another anchor, if it was.
+    fn step_since(&self, last: &Self) -> Option<Span> {
+        let change = self.offset().saturating_sub(last.offset());
+        let apart = self.rig.0.saturating_sub(last.rig.0).saturating_sub(1_000_000_000).max(0);
+        let slewed = (apart as f64 * KERNEL_SLEW) as i64;
+        (change.saturating_abs() > STEP_NS.saturating_add(slewed)).then_some(Span(change))
     }
 }
 
@@ -47,38 +58,38 @@ impl WallClock {
                 self.anchors.pop_front();
             }
         }
-        let anchor = Anchor { rig, unix };
+        let anchor = Anchor { rig, unix, steps: self.steps, last_step: self.last_step };
         let last = self.anchors.back().copied();
-        self.anchors.push_back(anchor);
-        let last = last?;
-        let change = anchor.offset().saturating_sub(last.offset());
-        let apart = rig.0.saturating_sub(last.rig.0).saturating_sub(1_000_000_000).max(0);
-        let slewed = (apart as f64 * KERNEL_SLEW) as i64;
-        if change.saturating_abs() <= STEP_NS.saturating_add(slewed) {
-            return None;
+        let step = last.and_then(|last| anchor.step_since(&last));
+        if step.is_some() {
+            self.steps += 1;
+            self.last_step = step;
         }
-        self.steps += 1;
-        self.last_step = Some(Span(change));
-        self.last_step
+        self.anchors.push_back(Anchor { steps: self.steps, last_step: self.last_step, ..anchor });
+        step
     }
 
     /// Wall time at `t` by the newest anchor at or before it (before all of them: by the oldest); `None` without anchors.
     ///
     /// By that rule a datum gets the same wall time whether a later anchor was read before or after it.
     pub fn unix(&self, t: RigNs) -> Option<UnixNs> {
-        let at_or_before = self.anchors.iter().rev().find(|anchor| anchor.rig <= t);
-        let anchor = at_or_before.or(self.anchors.front())?;
+        let anchor = self.until(t).or(self.anchors.front())?;
         Some(UnixNs(t.0.saturating_add(anchor.offset())))
     }
 
-    /// How often the wall clock was set.
-    pub fn steps(&self) -> u64 {
-        self.steps
+    /// How often the wall clock was set, by the anchors up to `t`.
+    pub fn steps_until(&self, t: RigNs) -> u64 {
+        self.until(t).map_or(0, |anchor| anchor.steps)
     }
 
-    /// The newest step; positive = set forward.
-    pub fn last_step(&self) -> Option<Span> {
-        self.last_step
+    /// The newest step of the anchors up to `t`; positive = set forward.
+    pub fn last_step_until(&self, t: RigNs) -> Option<Span> {
+        self.until(t).and_then(|anchor| anchor.last_step)
+    }
+
+    /// The newest anchor at or before `t`.
+    fn until(&self, t: RigNs) -> Option<&Anchor> {
+        self.anchors.iter().rev().find(|anchor| anchor.rig <= t)
     }
 }
 
@@ -95,7 +106,12 @@ mod tests {
         assert_eq!(wall.anchor(RigNs(S), UnixNs(101 * S + 500_000)), None);
         assert_eq!(wall.anchor(RigNs(2 * S), UnixNs(3_702 * S + 500_000)), Some(Span(3_600 * S)));
         assert_eq!(wall.anchor(RigNs(3 * S), UnixNs(103 * S)), Some(Span(-3_600 * S - 500_000)));
-        assert_eq!((wall.steps(), wall.last_step()), (2, Some(Span(-3_600 * S - 500_000))));
+        assert_eq!(
+            (wall.steps_until(RigNs(3 * S)), wall.last_step_until(RigNs(3 * S))),
+            (2, Some(Span(-3_600 * S - 500_000)))
+        );
+        // What was known at 2 s, whatever was read since.
+        assert_eq!((wall.steps_until(RigNs(3 * S - 1)), wall.steps_until(RigNs(2 * S - 1))), (1, 0));
     }
 
     #[test]

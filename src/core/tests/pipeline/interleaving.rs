@@ -1,0 +1,128 @@
+//! D2: however the sources' events lie among each other, the same bits.
+
+use crate::support::chance::Chance;
+use crate::support::devices::{Way, kinect, lidar, packets, serial, silent_between, vlp32c};
+use crate::support::ledger::{MS, S, Source, anchors, ledger, record, shifted, ticks};
+use crate::support::rig::{self, KINECT, LIDAR};
+use crate::synth::Sensor;
+use proptest::prelude::*;
+use tumbled_core::Workers;
+use tumbled_model::{Body, LossPoint, SensorId, SourceState};
+
+/// What happens to one sensor in a session.
+#[derive(Clone, Copy, Debug)]
+enum Incident {
+    Nothing,
+    Never,
+    /// Nothing is sent from 2.03 s on for so long.
+    Silence(i64),
+    /// The same, and its source says so.
+    Lost(i64),
+    /// What it sends from 2.03 s on for so long comes at the end of that time.
+    Stall(i64),
+    /// Packets are lost, repeated and swapped here and there.
+    Rough,
+}
+
+const BEGIN: i64 = 2_030 * MS;
+
+fn apply(source: &mut Source, id: &str, incident: Incident, seed: u64) {
+    match incident {
+        Incident::Nothing => {}
+        Incident::Never => source.clear(),
+        Incident::Silence(ns) => silent_between(source, BEGIN, BEGIN + ns),
+        Incident::Lost(ns) => {
+            silent_between(source, BEGIN, BEGIN + ns);
+            let state = |state| Body::SensorState { sensor: SensorId::from(id), state };
+            source.push((BEGIN + ns / 8, state(SourceState::Lost)));
+            source.push((BEGIN + ns - 1, state(SourceState::Opened)));
+            source.sort_by_key(|(arrived, _)| *arrived);
+        }
+        Incident::Stall(ns) => {
+            for (arrived, _) in source.iter_mut().filter(|(arrived, _)| (BEGIN..BEGIN + ns).contains(arrived)) {
+                *arrived = BEGIN + ns;
+            }
+        }
+        Incident::Rough => roughen(source, id, seed),
+    }
+}
+
+/// 1 % lost (every other time with the kernel's word on it), 1 % repeated, 1 % swapped with the next.
+fn roughen(source: &mut Source, id: &str, seed: u64) {
+    let mut chance = Chance::new(seed);
+    let mut n = 1;
+    while n + 1 < source.len() {
+        if chance.happens(10_000) {
+            let gap = Body::Gap { sensor: SensorId::from(id), lost: 1, place: LossPoint::Kernel };
+            if chance.happens(500_000) {
+                source[n].1 = gap;
+            } else {
+                source.remove(n);
+            }
+        } else if chance.happens(10_000) {
+            source.insert(n, source[n].clone());
+            n += 1;
+        } else if chance.happens(10_000) {
+            let (_, overtaken) = source.remove(n);
+            source.insert(n + 1, (source[n].0, overtaken));
+        }
+        n += 1;
+    }
+}
+
+fn incident() -> impl Strategy<Value = Incident> {
+    let silences = prop_oneof![Just(200 * MS), Just(470 * MS), Just(S), Just(3 * S), Just(8 * S)];
+    prop_oneof![
+        2 => Just(Incident::Nothing),
+        1 => Just(Incident::Never),
+        3 => silences.clone().prop_map(Incident::Silence),
+        1 => silences.prop_map(Incident::Lost),
+        2 => (50i64..900).prop_map(|ms| Incident::Stall(ms * MS)),
+        2 => Just(Incident::Rough),
+    ]
+}
+
+fn sensor() -> impl Strategy<Value = Sensor> {
+    // The whole turn; the cut in the silence; the middle in it; only half of the region.
+    let views = prop_oneof![Just(None), Just(Some((40.0, 320.0))), Just(Some((350.0, 10.0))), Just(Some((0.0, 120.0)))];
+    let rpm = prop_oneof![Just(600.0), Just(1_200.0), Just(300.0)];
+    (views, rpm).prop_map(|(silent_deg, rpm)| Sensor { rpm, silent_deg, ..vlp32c() })
+}
+
+/// As long as what happens in it takes, and a second and a half more.
+fn length(incidents: [Incident; 2]) -> i64 {
+    let last = |incident| match incident {
+        Incident::Silence(ns) | Incident::Lost(ns) | Incident::Stall(ns) => ns,
+        _ => 0,
+    };
+    BEGIN + 1_500 * MS + incidents.map(last).into_iter().max().unwrap_or(0)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, max_shrink_iters: 60, ..ProptestConfig::default() })]
+
+    /// Up to 100 ms earlier or later: two events change places that arrived up to 200 ms apart.
+    #[test]
+    fn events_of_different_sources_may_lie_among_each_other_as_they_like(
+        front in incident(),
+        near in incident(),
+        sensor in sensor(),
+        piece_ms in prop_oneof![Just(7i64), Just(60), Just(350)],
+        seed in any::<u64>(),
+    ) {
+        let until = length([front, near]);
+        let mut lidar = lidar(&packets(&sensor, until), Way { start_ns: 13 * MS, ..Way::UDP }, seed);
+        let mut kinect = kinect(until, Way { start_ns: 5 * MS, ..Way::USB }, seed ^ 1);
+        apply(&mut lidar, LIDAR, front, seed ^ 2);
+        apply(&mut kinect, KINECT, near, seed ^ 3);
+        let sources = [kinect, lidar, serial(until), ticks(until + S), anchors(until + S, &[(2 * S, -3_600 * S)])];
+        let straight = record(rig::whole(), &ledger(&sources), Workers::none(), true);
+        prop_assert!(straight.health.len() as i64 >= until / S);
+        for order in 0..2 {
+            let events = shifted(&sources, 100 * MS - 1, piece_ms * MS, seed ^ (100 + order));
+            let other = record(rig::whole(), &events, Workers::none(), true);
+            let difference = straight.difference(&other);
+            prop_assert!(difference.is_none(), "{}", difference.unwrap_or_default());
+        }
+    }
+}

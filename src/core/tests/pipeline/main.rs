@@ -1,0 +1,11 @@
+//! The whole core, from a ledger to epochs, notices and health, on synthetic sessions whose truth is known.
+
+mod determinism;
+mod interleaving;
+mod loss;
+mod points;
+mod support;
+// The synthetic sensor of the decoder's own tests.
+#[allow(dead_code, reason = "this binary uses its part")]
+#[path = "../../../../drivers/velodyne/tests/support/synth.rs"]
+mod synth;
