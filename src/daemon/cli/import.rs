@@ -111,7 +111,7 @@ pub(super) fn create(path: &Path, header: RecordingHeader, replace: bool) -> Res
 }
 
 /// Begins a recording; what stands in its way is told with the remedy.
-pub(super) fn create_with(path: &Path, header: RecordingHeader, options: RecorderOptions) -> Result<Recorder, Failure> {
+pub(crate) fn create_with(path: &Path, header: RecordingHeader, options: RecorderOptions) -> Result<Recorder, Failure> {
     use tumbled_io::recording::RecorderError;
     if path.is_dir() {
         return Err(Failure::input(format!("{} is a folder, a file is written", path.display()))

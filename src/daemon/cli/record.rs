@@ -20,6 +20,7 @@ use tumbled_model::Span;
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, output, quantity, signals};
 use crate::config::RecordConfig;
+use crate::session::live::RecordingPart;
 use crate::session::{LiveSession, SessionEnd, SourceReport, live};
 
 /// How often the end is looked for.
@@ -130,8 +131,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let clock = SessionClock::start_on_system();
     let header = live::header(&clock, &loaded);
     let options = args.recorder.options(&config.record);
-    let recorder = super::import::create_with(&args.output, header.clone(), options)?;
-    let session = LiveSession::start(config, &clock, &stop, Some((recorder, args.output.clone())), None)?;
+    let recording = RecordingPart { path: args.output.clone(), header: header.clone(), options };
+    let session = LiveSession::start(config, &clock, &stop, Some(recording), None)?;
     wait(args, &session, &stop);
     let SessionEnd { sources, recording, undelivered, .. } = session.end();
     if undelivered > 0 {

@@ -12,10 +12,10 @@ use tumbled_model::Body;
 
 use super::record::RecorderArgs;
 use super::signals::{self, Signals};
-use super::{ConfigArgs, Failure, Outcome, import, output};
+use super::{ConfigArgs, Failure, Outcome, output};
 use crate::config::{Loaded, show};
 use crate::quantity;
-use crate::session::live::{self, CorePart};
+use crate::session::live::{self, CorePart, RecordingPart};
 use crate::session::reload::{self, Change};
 use crate::session::serve::{About, Server};
 use crate::session::{Checkpoint, Engine, LiveSession, SessionEnd, SourceReport, engine, setup};
@@ -92,16 +92,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let core_config = setup::core_config(&loaded.config)?;
     let interpreter = engine::interpreter(&loaded.config, false);
     let engine = Engine::new(core_config.clone(), engine::workers(args.threads)?, interpreter);
-    let recorder = match &args.record {
-        Some(path) => {
-            let options = args.recorder.options(&loaded.config.record);
-            Some((import::create_with(path, header.clone(), options)?, path.clone()))
-        }
-        None => None,
-    };
+    let recording = args.record.as_ref().map(|path| RecordingPart {
+        path: path.clone(),
+        header: header.clone(),
+        options: args.recorder.options(&loaded.config.record),
+    });
     let (server, publish) = Server::start(&loaded.config, about, false)?;
     let core = CorePart { config: core_config, engine, publish };
-    let session = LiveSession::start(&loaded.config, &clock, &signals.stop, recorder, Some(core))?;
+    let session = LiveSession::start(&loaded.config, &clock, &signals.stop, recording, Some(core))?;
     tracing::info!(session = %header.session, origin = about.origin.name(), rig = %loaded.config.name, "running");
     let timed_out = supervise(args, &session, &server, &signals, &clock, &mut loaded);
     let end = session.end();

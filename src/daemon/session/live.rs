@@ -14,7 +14,7 @@ use tumbled_core::{CoreConfig, ScanBoundaries, SensorHealth};
 use tumbled_io::live::{ControlIntake, EventReceiver, Ledger, LedgerHandle, SessionClock, StopToken};
 use tumbled_io::recording::thread::ResultSink;
 use tumbled_io::recording::{
-    Origin, Recorder, RecorderState, RecorderThread, RecordingHeader, RecordingSummary, StopReason,
+    Origin, RecorderOptions, RecorderState, RecorderThread, RecordingHeader, RecordingSummary, StopReason,
 };
 use tumbled_model::Span;
 
@@ -24,7 +24,7 @@ use super::publish::Publish;
 use super::shell::{self, Facts};
 use super::sources::{self, RunningSource, SourceReport};
 use super::steps::StepTimes;
-use crate::cli::{Failure, VERSION};
+use crate::cli::{Failure, VERSION, import};
 use crate::config::{Config, Loaded, show};
 use crate::stream::{ClientTotals, ShellHealth};
 
@@ -51,6 +51,16 @@ pub struct CorePart {
     pub engine: Engine,
     /// Those who are told.
     pub publish: Publish,
+}
+
+/// The recording of a session.
+pub struct RecordingPart {
+    /// Its first part.
+    pub path: PathBuf,
+    /// What it says of itself.
+    pub header: RecordingHeader,
+    /// How it is written.
+    pub options: RecorderOptions,
 }
 
 /// A running session.
@@ -88,22 +98,23 @@ pub struct SessionEnd {
 }
 
 impl LiveSession {
-    /// Opens every source, then lets everything run. `recorder` and its path, `core`: what the session is for.
+    /// Opens every source, begins the recording, then lets everything run: a port that is taken leaves no empty file.
     ///
     /// # Errors
-    /// Exit code 1: a port that cannot be had, no threads.
+    /// Exit code 1: a port that cannot be had, a file that cannot be written, no threads. 2: a file that is there.
     pub fn start(
         config: &Config,
         clock: &SessionClock,
         stop: &StopToken,
-        recorder: Option<(Recorder, PathBuf)>,
+        recording: Option<RecordingPart>,
         core: Option<CorePart>,
     ) -> Result<Self, Failure> {
         let mut ledger = Ledger::live(clock.clone());
         let control = ledger.control();
         let opened = sources::open(config, &mut ledger, clock)?;
-        let recorder = match recorder {
-            Some((recorder, path)) => {
+        let recorder = match recording {
+            Some(RecordingPart { path, header, options }) => {
+                let recorder = import::create_with(&path, header, options)?;
                 let events = ledger.recorder();
                 Some((RecorderThread::start(recorder, events).map_err(Failure::failed)?, path))
             }

@@ -30,8 +30,9 @@ pub struct RunningSource {
 /// Opens every source of the config: a port that is taken is told at once, before anything runs.
 ///
 /// # Errors
-/// Exit code 1: a port that cannot be had.
+/// Exit code 2: two LiDARs on one port. 1: a port that cannot be had.
 pub fn open(config: &Config, ledger: &mut Ledger, clock: &SessionClock) -> Result<Vec<OpenedSource>, Failure> {
+    refuse_shared_ports(&config.lidars)?;
     let open = |lidar: &LidarConfig| {
         let intake = ledger.intake(lidar.id.clone(), QueueBound::LIDAR_PACKETS);
         let mut opener = UdpOpener::new(udp(lidar), clock.clone());
@@ -39,6 +40,20 @@ pub fn open(config: &Config, ledger: &mut Ledger, clock: &SessionClock) -> Resul
         Ok(OpenedSource { opener, source, intake })
     };
     config.lidars.iter().map(open).collect()
+}
+
+/// Captures may hold two LiDARs on one port, told apart by their addresses; a live port belongs to one.
+fn refuse_shared_ports(lidars: &[LidarConfig]) -> Result<(), Failure> {
+    let ports = |lidar: &LidarConfig| [lidar.port, lidar.position_port];
+    for (n, lidar) in lidars.iter().enumerate() {
+        let shared = |other: &&LidarConfig| ports(lidar).iter().any(|port| *port != 0 && ports(other).contains(port));
+        if let Some(other) = lidars.iter().take(n).find(shared) {
+            let message = format!("the LiDARs {} and {} share a port: live, each needs its own", other.id, lidar.id);
+            let help = "set another data and position port on one sensor's web page, and as its port and position_port";
+            return Err(Failure::input(message).with_help(help));
+        }
+    }
+    Ok(())
 }
 
 impl OpenedSource {

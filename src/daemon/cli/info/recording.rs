@@ -28,6 +28,8 @@ pub struct RecordingReport {
     pub ledger: LedgerReport,
     /// Its parts, in order.
     pub parts: Vec<PartReport>,
+    /// Results of the session beside its ledger: checkpoints of its hash chain.
+    pub results: u64,
     /// Messages whose channel or content cannot be told.
     pub undecodable: u64,
     /// Everything that was recorded in these parts is here.
@@ -82,6 +84,7 @@ impl From<&RecordingInfo> for RecordingReport {
             notes: header.notes.clone(),
             ledger: (&info.counters).into(),
             parts: ledger::parts(info),
+            results: info.results,
             undecodable: info.undecodable,
             whole: info.whole(),
             warnings: info.warnings(),
@@ -116,6 +119,9 @@ pub(super) fn lines(report: &RecordingReport) -> Vec<(&'static str, String)> {
     };
     if report.parts.len() > 1 {
         labelled("parts", &mut report.parts.iter().map(part));
+    }
+    if report.results > 0 {
+        lines.push(("checkpoints", format!("{}: `tumbled verify` computes them anew", report.results)));
     }
     if report.ledger.missing_seqs > 0 {
         lines.push(("missing", format!("{} events of the session are not here", report.ledger.missing_seqs)));

@@ -126,11 +126,13 @@ impl Reader {
                         return Ok(Some(event));
                     }
                     Message::Undecodable => self.info.undecodable += 1,
-                    Message::Result(result) if self.results.len() < results::KEPT => {
+                    Message::Result(result) => {
                         self.info.results += 1;
-                        self.results.push(result);
+                        if self.results.len() < results::KEPT {
+                            self.results.push(result);
+                        }
                     }
-                    Message::Result(_) | Message::Other => self.info.other_messages += 1,
+                    Message::Other => self.info.other_messages += 1,
                 },
                 Step::Record(CHANNEL, content) => part.declare(&content),
                 Step::Record(METADATA, content) => {
