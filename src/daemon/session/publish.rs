@@ -94,10 +94,10 @@ impl Publish {
 }
 
 fn log(notice: &Notice) {
-    let (kind, t_s) = (notice.kind.name(), notice.t.0 as f64 * 1e-9);
+    let (kind, t_s) = (notice.kind.name(), format_args!("{:.3}", notice.t.0 as f64 * 1e-9));
     match notice.gravity {
-        Gravity::Info => tracing::info!(kind, t_s, "{}", notice.message),
-        Gravity::Warn => tracing::warn!(kind, t_s, "{}", notice.message),
-        Gravity::Error => tracing::error!(kind, t_s, "{}", notice.message),
+        Gravity::Info => tracing::info!(kind, %t_s, "{}", notice.message),
+        Gravity::Warn => tracing::warn!(kind, %t_s, "{}", notice.message),
+        Gravity::Error => tracing::error!(kind, %t_s, "{}", notice.message),
     }
 }
