@@ -1,7 +1,9 @@
 //! No client costs the others anything, or the daemon more than its bounds.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::net::{SocketAddr, TcpStream};
+use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -137,4 +139,37 @@ fn sockets_of(server: SocketAddr) -> usize {
         .filter_map(|descriptor| fs::read_link(descriptor.path()).ok())
         .filter(|target| inodes.iter().any(|inode| target.as_os_str() == inode.as_str()))
         .count()
+}
+
+#[test]
+fn a_daemon_without_descriptors_left_says_so_once_and_goes_on_when_there_are_some() {
+    // A running daemon has 17 descriptors: of 40 clients some 13 get one, the others wait in the kernel.
+    let command = "ulimit -n 30; exec \"$0\" run --set lidar.port=0 --set lidar.position_port=0 --set 'kinect=[]' \
+        --set stream.tcp=127.0.0.1:0 --set stream.unix= --set stream.foxglove=";
+    let mut child = Command::new("sh")
+        .args(["-c", command])
+        .arg(assert_cmd::cargo::cargo_bin!("tumbled"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("tumbled starts");
+    let mut log = BufReader::new(child.stderr.take().expect("piped")).lines().map(|line| line.expect("UTF-8"));
+    let started = log.find(|line| line.contains("state stream")).expect("the line that says where");
+    let address = started.split_whitespace().find_map(|word| word.strip_prefix("tcp=")).expect("the address");
+    // By then it has all the descriptors it needs.
+    assert!(log.any(|line| line.contains("sensor_state")));
+    let clients: Vec<TcpStream> = (0..40).map(|_| TcpStream::connect(address).expect("connects")).collect();
+    assert!(log.any(|line| line.contains("cannot accept clients for now")));
+    // It tries again ten times a second; that is not logged again.
+    thread::sleep(Duration::from_millis(500));
+    drop(clients);
+    let next = log.find(|line| line.contains("accept")).expect("a line about it");
+    let errors = next.split_whitespace().find_map(|word| word.strip_prefix("errors=")?.parse::<u64>().ok());
+    assert!(next.contains("accepts clients again") && errors.is_some_and(|errors| errors >= 2), "{next}");
+    Client::greeted(TcpStream::connect(address).expect("connects"));
+    let killed = Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+    // The log is read to its end, so that the daemon does not wait for its reader.
+    log.for_each(drop);
+    assert!(child.wait().expect("ends").success());
 }
