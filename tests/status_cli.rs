@@ -1,12 +1,13 @@
 //! `tumbled status` against a server of the state stream.
 
 use std::io::{BufRead, BufReader, Write};
-use std::net::TcpListener;
+use std::net::{SocketAddr, TcpListener};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use socket2::{Domain, Socket, Type};
 use tumbled::cli::status::StatusReport;
 use tumbled::config::UnixPath;
 use tumbled::stream::{
@@ -188,7 +189,10 @@ fn watch_appends_block_after_block_where_there_is_no_terminal_until_ctrl_c() {
 
 #[test]
 fn nobody_there_is_exit_code_1_with_the_address_and_a_remedy() {
-    let gone = tcp_address(&server(Limits::default())).to_string();
+    // Bound and not listening: nobody answers, and no other test is given the port.
+    let socket = Socket::new(Domain::IPV4, Type::STREAM, None).expect("a socket");
+    socket.bind(&SocketAddr::from(([127, 0, 0, 1], 0)).into()).expect("a port");
+    let gone = socket.local_addr().expect("bound").as_socket().expect("an address").to_string();
     let done = Workbench::new().run(&["status", "--connect", &gone]);
     assert_eq!((done.code, done.stdout.as_str()), (1, ""));
     assert!(done.stderr.contains(&gone) && done.stderr.contains("tumbled run"), "{}", done.stderr);
