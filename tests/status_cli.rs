@@ -11,8 +11,8 @@ use socket2::{Domain, Socket, Type};
 use tumbled::cli::status::StatusReport;
 use tumbled::config::UnixPath;
 use tumbled::stream::{
-    Class, HealthLine, Limits, QueueHealth, RecorderHealth, RecorderStatus, ShellHealth, StepHealth, StreamConfig,
-    StreamOrigin, StreamServer,
+    Class, HealthLine, Limits, QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, StepHealth,
+    StreamConfig, StreamOrigin, StreamServer,
 };
 use tumbled_core::ClockMode;
 use tumbled_core::clock::ClockState;
@@ -90,7 +90,13 @@ fn health() -> HealthLine {
         reasons: Vec::new(),
         uptime_s: 12.3,
         memory_bytes: Some(88_080_384),
-        queues: vec![QueueHealth { name: "front -> ledger".to_owned(), waiting: 7, bound: 4_096, lost: 0 }],
+        queues: vec![QueueHealth {
+            name: "front -> ledger".to_owned(),
+            unit: QueueUnit::Items,
+            waiting: 7,
+            bound: 4_096,
+            lost: 0,
+        }],
         shed_scans: 2,
         recorder: Some(RecorderHealth {
             state: RecorderStatus::Recording,

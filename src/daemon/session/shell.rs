@@ -11,7 +11,7 @@ use tumbled_io::recording::thread::RecorderStatus as Status;
 use tumbled_io::recording::{FileSystem, RecorderState, StopReason, Storage};
 
 use super::sources::RunningSource;
-use crate::stream::{QueueHealth, RecorderHealth, RecorderStatus, ShellHealth};
+use crate::stream::{QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth};
 
 /// The newest facts: the main thread looks, the core's thread tells. Clones share them.
 #[derive(Clone, Debug, Default)]
@@ -41,6 +41,7 @@ pub(super) fn look(
     // Both in the order of the config.
     let sources = ledger.queues().into_iter().zip(sources).map(|(queue, source)| QueueHealth {
         name: format!("{} -> ledger", queue.sensor),
+        unit: QueueUnit::Items,
         waiting: queue.waiting as u64,
         bound: queue.bound as u64,
         lost: source.lost_in_queue(),
@@ -62,6 +63,7 @@ fn outlet(gauge: &OutletGauge, name: &str, bound: usize) -> QueueHealth {
     let counts = gauge.counts();
     QueueHealth {
         name: name.to_owned(),
+        unit: QueueUnit::Bytes,
         waiting: counts.waiting_bytes,
         bound: bound as u64,
         lost: counts.lost + counts.lost_notes,

@@ -80,12 +80,24 @@ impl ShellHealth {
 pub struct QueueHealth {
     /// What it leads from and to, e.g. `front -> ledger`.
     pub name: String,
-    /// How much waits, in the unit of the bound.
+    /// What waiting and bound count.
+    pub unit: QueueUnit,
+    /// How much waits.
     pub waiting: u64,
     /// How much may wait.
     pub bound: u64,
     /// Lost since the start because it was full.
     pub lost: u64,
+}
+
+/// What a queue's bound counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum QueueUnit {
+    /// Packets, frames or chunks.
+    Items,
+    /// Bytes.
+    Bytes,
 }
 
 /// What a recorder is doing.

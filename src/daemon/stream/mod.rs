@@ -35,7 +35,9 @@ pub use class::Class;
 pub use cloud::{CloudKind, CloudLine, CloudView};
 pub use event::EventLine;
 pub use frame::Sent;
-pub use health::{HealthLine, QueueHealth, RecorderHealth, RecorderStatus, ShellHealth, StepHealth, StreamHealth};
+pub use health::{
+    HealthLine, QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, StepHealth, StreamHealth,
+};
 pub use hello::{ErrorLine, Hello, StreamOrigin};
 pub use hub::{ClientTotals, Publisher};
 pub use limits::Limits;

@@ -6,7 +6,7 @@ use tumbled_core::health::{ClockHealth, LossHealth, SensorHealth, SensorKind};
 use tumbled_core::{ClockMode, Level};
 
 use super::StatusReport;
-use crate::stream::{RecorderHealth, RecorderStatus, ShellHealth, StreamOrigin};
+use crate::stream::{QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, StreamOrigin};
 
 /// The status as text, its last line ended.
 pub(super) fn render(report: &StatusReport) -> String {
@@ -150,7 +150,11 @@ fn losses(lost: &LossHealth) -> Option<String> {
 fn machine(lines: &mut Vec<String>, shell: &ShellHealth) {
     for queue in &shell.queues {
         let lost = if queue.lost > 0 { format!(", {} lost", queue.lost) } else { String::new() };
-        lines.push(format!("queue {}: {} of {}{lost}", queue.name, queue.waiting, queue.bound));
+        let amount = |n: u64| match queue.unit {
+            QueueUnit::Items => n.to_string(),
+            QueueUnit::Bytes => HumanBytes(n).to_string(),
+        };
+        lines.push(format!("queue {}: {} of {}{lost}", queue.name, amount(queue.waiting), amount(queue.bound)));
     }
     if shell.shed_scans > 0 {
         lines.push(format!("shed: {} scans, because the computation was behind; they are recorded", shell.shed_scans));
