@@ -8,6 +8,7 @@
 use crate::epoch::{LidarScan, TimeBasis};
 use crate::reorder::TimedPacket;
 use crate::sector::{Sector, TURN_CDEG};
+use core::ops::Range;
 use tumbled_model::{RigNs, Span};
 
 /// After so long without a firing a turn is over: the slowest motor takes 0.2 s a turn.
@@ -106,7 +107,7 @@ impl Assembler {
                 turns.extend(self.close(offset, t, cdeg_per_ns));
             }
             self.advance(offset, t, cdeg_per_ns);
-            self.sweep(packet, offset, t, end - run_start);
+            self.sweep(packet, offset, t, first - run_start..end - run_start);
         }
         self.fill(packet, run_start..columns.len());
     }
@@ -214,8 +215,9 @@ impl Assembler {
         });
     }
 
-    /// Counts a firing of the open turn; `unfilled` points up to its end are not in the turn's columns yet.
-    fn sweep(&mut self, packet: &TimedPacket, offset: i32, t: RigNs, unfilled: usize) {
+    /// Counts a firing of the open turn; `unfilled` are the firing's points, counted from the first that is not in the
+    /// turn's columns yet.
+    fn sweep(&mut self, packet: &TimedPacket, offset: i32, t: RigNs, unfilled: Range<usize>) {
         let Some(open) = &mut self.open else { return };
         // While the clock is being found a packet may lie some µs before the end of the one before it.
         open.span = (open.span.0.min(t), open.span.1.max(t));
@@ -224,17 +226,21 @@ impl Assembler {
         if self.sector.is_region(offset) {
             open.covered_cdeg += i64::from(packet.heads.step_cdeg().max(0));
         }
-        let end = open.scan.points.len() + unfilled;
-        if self.sector.is_crossing(offset) {
-            open.in_crossing = true;
+        let filled = open.scan.points.len();
+        let (begin, end) = (filled + unfilled.start, filled + unfilled.end);
+        let is_crossing = self.sector.is_crossing(offset);
+        if is_crossing && !open.in_crossing {
+            // The newest run of such firings: the one before the cut, whatever an encoder jittered behind the last.
+            open.scan.crossing = begin..begin;
+        }
+        open.in_crossing = is_crossing;
+        if is_crossing {
             open.scan.crossing.end = end;
-        } else if !open.in_crossing {
-            open.scan.crossing = end..end;
         }
     }
 
     /// Moves points of a packet into the open turn.
-    fn fill(&mut self, packet: &TimedPacket, points: core::ops::Range<usize>) {
+    fn fill(&mut self, packet: &TimedPacket, points: Range<usize>) {
         let Some(open) = self.open.as_mut().filter(|_| !points.is_empty()) else { return };
         let columns = &mut open.scan.points;
         let before = columns.len();

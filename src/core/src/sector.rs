@@ -44,9 +44,9 @@ impl Sector {
         (i32::from(head_cdeg) - self.center_cdeg + HALF_TURN_CDEG).rem_euclid(TURN_CDEG) - HALF_TURN_CDEG
     }
 
-    /// Whether a head at this offset may see the region.
+    /// Whether a head at this offset may see the region. The cut itself belongs to the next turn.
     pub fn is_crossing(&self, offset: i32) -> bool {
-        offset.abs() <= self.reach_cdeg
+        (-self.reach_cdeg..self.reach_cdeg).contains(&offset)
     }
 
     /// Whether a head at this offset points at the region itself.

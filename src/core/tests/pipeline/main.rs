@@ -4,7 +4,9 @@ mod determinism;
 mod interleaving;
 mod loss;
 mod points;
+mod skips;
 mod support;
+mod turns;
 // The synthetic sensor of the decoder's own tests.
 #[allow(dead_code, reason = "this binary uses its part")]
 #[path = "../../../../drivers/velodyne/tests/support/synth.rs"]

@@ -7,7 +7,8 @@ use crate::synth::{Packet, Sensor};
 use bytes::Bytes;
 use std::sync::OnceLock;
 use tumbled_kinect::{MmImage, encode_mm};
-use tumbled_model::{Body, DepthEncoding, KinectTicks, PacketMask, SensorId};
+use tumbled_model::{Body, DepthEncoding, KinectTicks, LidarTime, PacketMask, SensorId};
+use tumbled_velodyne::encode::DataPacketBuilder;
 use tumbled_velodyne::{Model, ReturnMode};
 
 /// From firing to firing of a VLP-32C, ns.
@@ -129,4 +130,21 @@ pub(crate) fn serial(until_ns: i64) -> Source {
 /// A source without what it sent between two times.
 pub(crate) fn silent_between(source: &mut Source, from_ns: i64, to_ns: i64) {
     source.retain(|(arrived, _)| !(from_ns..to_ns).contains(arrived));
+}
+
+/// The packets of a VLP-32C whose head stands where `azimuth_deg` says, every firing `count` counts of 4 mm away.
+pub(crate) fn packets_by(ns: i64, count: u16, azimuth_deg: impl Fn(i64) -> f64) -> Vec<Packet> {
+    let packet = |n: i64| {
+        let t_ns = n * 12 * FIRING_NS;
+        let group_t_ns: Vec<i64> = (0..12).map(|block| t_ns + block * FIRING_NS).collect();
+        let mut builder = DataPacketBuilder::new(Model::Vlp32c, ReturnMode::Strongest);
+        for (block, t_ns) in group_t_ns.iter().enumerate() {
+            let cdeg = (azimuth_deg(*t_ns).rem_euclid(360.0) * 100.0).round() as u32 % 36_000;
+            let slots = core::array::from_fn(|slot| (if LASERS.contains(&slot) { count } else { 0 }, 100));
+            builder.block(block, cdeg as u16, &slots);
+        }
+        builder.stamp(LidarTime(((t_ns + 500) / 1_000) as u32));
+        Packet { bytes: builder.build(), t_ns, group_t_ns, has_jump: false }
+    };
+    (0..ns / (12 * FIRING_NS)).map(packet).collect()
 }
