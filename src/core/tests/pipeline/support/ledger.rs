@@ -96,3 +96,18 @@ pub(crate) fn record(config: CoreConfig, events: &[Event], workers: Workers, cle
     record.take(&out);
     record
 }
+
+/// Runs a ledger: each epoch's sensor, its time, and the newest arrival when it was given out, ms.
+pub(crate) fn given_out_at(config: CoreConfig, events: &[Event]) -> Vec<(String, i64, i64)> {
+    let mut pipeline = Pipeline::new(config, Workers::none());
+    let (mut out, mut given, mut now) = (Outputs::default(), Vec::new(), 0);
+    for event in events {
+        pipeline.step(event, &mut out);
+        now = event.arrived.0.max(now);
+        given.extend(out.epochs.iter().map(|epoch| (epoch.sensor.to_string(), epoch.t.0 / MS, now / MS)));
+        out.clear();
+    }
+    pipeline.finish(&mut out);
+    given.extend(out.epochs.iter().map(|epoch| (epoch.sensor.to_string(), epoch.t.0 / MS, now / MS)));
+    given
+}
