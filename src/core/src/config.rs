@@ -64,9 +64,10 @@ pub struct RegionOfInterest {
 pub struct Timing {
     /// How device stamps become times.
     pub clock: ClockMode,
-    /// How long an epoch waits for an earlier one of another sensor.
+    /// How long an epoch waits for an earlier one of another sensor. It goes out when every event of before is surely in:
+    /// 0.2 s later, and at the next tick.
     pub hold: Span,
-    /// A sensor without data for longer is not waited for.
+    /// A sensor without data for longer is not waited for. Above 0.5 s: by then its last turn is complete.
     pub silent_after: Span,
 }
 

@@ -194,7 +194,7 @@ pub struct PointHealth {
     pub shed: u64,
 }
 
-/// Epochs of one sensor with times before the last second, by what became of them.
+/// Epochs of one sensor that were complete before the last second, by what became of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EpochHealth {

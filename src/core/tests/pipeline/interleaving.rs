@@ -22,6 +22,10 @@ enum Incident {
     Stall(i64),
     /// Packets are lost, repeated and swapped here and there.
     Rough,
+    /// The host sheds so many scans, twice.
+    Shed(u16),
+    /// Its clock is set by so many µs, and it sends a little nonsense.
+    Broken(i64),
 }
 
 const BEGIN: i64 = 2_030 * MS;
@@ -44,6 +48,34 @@ fn apply(source: &mut Source, id: &str, incident: Incident, seed: u64) {
             }
         }
         Incident::Rough => roughen(source, id, seed),
+        Incident::Shed(scans) => {
+            let skip = Body::Skip { sensor: SensorId::from(id), scans };
+            source.extend([(BEGIN, skip.clone()), (BEGIN + 700 * MS, skip)]);
+            source.sort_by_key(|(arrived, _)| *arrived);
+        }
+        Incident::Broken(us) => break_clock(source, us),
+    }
+}
+
+/// From 2.03 s on the stamps are others; and every 97th datum is cut short.
+fn break_clock(source: &mut Source, us: i64) {
+    for (n, (arrived, body)) in source.iter_mut().enumerate() {
+        match body {
+            Body::LidarPacket { bytes, .. } if *arrived >= BEGIN => {
+                let mut set = bytes.to_vec();
+                let stamp = u32::from_le_bytes(set[1_200..1_204].try_into().expect("four bytes"));
+                let stamp = (i64::from(stamp) + us).rem_euclid(3_600_000_000) as u32;
+                set[1_200..1_204].copy_from_slice(&stamp.to_le_bytes());
+                *bytes = if n % 97 == 0 { set[..1_000].to_vec().into() } else { set.into() };
+            }
+            Body::DepthFrame { ticks: Some(ticks), bytes, .. } if *arrived >= BEGIN => {
+                ticks.0 = ticks.0.wrapping_add((us * 60) as u32);
+                if n % 97 == 0 {
+                    *bytes = bytes.slice(..1_000);
+                }
+            }
+            _ => {}
+        }
     }
 }
 
@@ -79,6 +111,8 @@ fn incident() -> impl Strategy<Value = Incident> {
         1 => silences.prop_map(Incident::Lost),
         2 => (50i64..900).prop_map(|ms| Incident::Stall(ms * MS)),
         2 => Just(Incident::Rough),
+        1 => (1u16..4).prop_map(Incident::Shed),
+        2 => prop_oneof![-9_000_000i64..9_000_000, -400_000i64..400_000].prop_map(Incident::Broken),
     ]
 }
 
