@@ -56,12 +56,22 @@ pub(crate) struct Assembler {
     /// How far the head has turned since the last cut, 0.01°.
     since_cut: i64,
     missed: u64,
+    /// No later turn has an earlier time: a clock that is still being found may put a packet before the one ahead of it.
+    passed: Option<RigNs>,
     spare: Vec<LidarScan>,
 }
 
 impl Assembler {
     pub(crate) fn new(sector: Sector) -> Self {
-        Self { sector, open: None, newest: None, since_cut: LEAST_TURN_CDEG, missed: 0, spare: Vec::new() }
+        Self {
+            sector,
+            open: None,
+            newest: None,
+            since_cut: LEAST_TURN_CDEG,
+            missed: 0,
+            passed: None,
+            spare: Vec::new(),
+        }
     }
 
     /// Takes another region of interest: the turn that is open ends with what it has.
@@ -88,8 +98,7 @@ impl Assembler {
 
     /// No later turn will have an earlier time.
     pub(crate) fn watermark(&self) -> Option<RigNs> {
-        let newest = self.newest.map(|(_, t)| t);
-        self.open.as_ref().and_then(|open| open.center).or(newest)
+        self.passed
     }
 
     /// Takes the next packet. `cdeg_per_ns`: the head's speed, to tell how many turns a gap hides.
@@ -110,6 +119,8 @@ impl Assembler {
             self.sweep(packet, offset, t, first - run_start..end - run_start);
         }
         self.fill(packet, run_start..columns.len());
+        let newest = self.newest.map(|(_, t)| t);
+        self.passed = self.passed.max(self.open.as_ref().and_then(|open| open.center).or(newest));
     }
 
     /// Ends the open turn with what it has.
@@ -256,6 +267,7 @@ impl Assembler {
         let OpenTurn { center, span, sigma, basis, arrived, covered_cdeg, mut scan, .. } = open;
         scan.coverage = (covered_cdeg as f64 / f64::from(self.sector.width_cdeg())).min(1.0);
         // A turn that ended before the middle is nearest to it at its end.
-        Turn { t: center.unwrap_or(span.1), span, sigma, basis, arrived, scan }
+        let t = center.unwrap_or(span.1);
+        Turn { t: self.passed.map_or(t, |passed| passed.max(t)), span, sigma, basis, arrived, scan }
     }
 }

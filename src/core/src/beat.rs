@@ -98,7 +98,7 @@ impl Beat {
 
     /// The next instant that a tick of this arrival lets be judged.
     pub(crate) fn due(&mut self, tick: RigNs) -> Option<i64> {
-        let judged = (tick.0 - LATENESS_NS).div_euclid(BEAT_NS);
+        let judged = tick.0.saturating_sub(LATENESS_NS).div_euclid(BEAT_NS);
         if judged - self.next > LONGEST_PAUSE_BEATS {
             self.next = judged;
         }

@@ -140,7 +140,7 @@ impl Pipeline {
 
     /// The counts and states of every sensor as of everything seen so far, not waiting for anything.
     pub fn sensors(&self) -> Vec<SensorHealth> {
-        let at = RigNs(self.now.0 + 1);
+        let at = RigNs(self.now.0.saturating_add(1));
         (0..self.channels.len()).map(|channel| self.channels.health(channel, at)).collect()
     }
 

@@ -2,12 +2,13 @@
 
 use crate::support::chance::Chance;
 use crate::support::devices::{Way, depth_frame, kinect, lidar, lidar_packet, packets, silent_between, vlp32c};
-use crate::support::ledger::{MS, S, Source, ledger, run_with, ticks};
+use crate::support::ledger::{MS, S, Source, anchors, ledger, run_with, ticks};
 use crate::support::rig::{self, KINECT, LIDAR};
 use bytes::Bytes;
+use proptest::prelude::*;
 use tumbled_core::health::SensorState;
 use tumbled_core::{Notice, NoticeKind, Outputs};
-use tumbled_model::{Body, DepthEncoding, KinectTicks, PacketMask, SensorId, SourceState};
+use tumbled_model::{Body, DepthEncoding, KinectTicks, PacketMask, RigNs, SensorId, SourceState};
 
 fn state(sensor: &str, state: SourceState) -> Body {
     Body::SensorState { sensor: SensorId::from(sensor), state }
@@ -181,4 +182,39 @@ fn data_of_a_sensor_that_the_config_does_not_have_are_told_of_once() {
     let told = of_kind(&out, NoticeKind::UnknownSensor);
     assert_eq!(told.len(), 1);
     assert!(told[0].message.contains("who"), "{}", told[0].message);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    /// A damaged recording may have any arrivals: nothing breaks, and what is given out is in the order of its times.
+    #[test]
+    fn arrivals_that_make_no_sense_break_nothing(
+        strange in prop::collection::vec(
+            (0usize..700, prop_oneof![any::<i64>(), Just(i64::MIN), Just(i64::MAX)], any::<bool>()),
+            1..6,
+        ),
+        ordinary in prop::collection::vec((0usize..700, -20 * S..20 * S), 0..6),
+    ) {
+        let until = 400 * MS;
+        let sources =
+            [kinect(until, Way::USB, 1), lidar(&packets(&vlp32c(), until), Way::UDP, 1), ticks(until), anchors(until, &[])];
+        let mut events = ledger(&sources);
+        let len = events.len();
+        for (n, arrived) in ordinary {
+            events[n % len].arrived = RigNs(arrived);
+        }
+        for (n, arrived, is_tick) in strange {
+            events[n % len].arrived = RigNs(arrived);
+            if is_tick {
+                events[n % len].body = Body::Tick;
+            }
+        }
+        let mut times = Vec::new();
+        let (pipeline, _) = run_with(rig::whole(), &events, |epoch| times.push(epoch.t));
+        prop_assert!(times.is_sorted());
+        for sensor in pipeline.sensors() {
+            prop_assert!(sensor.points.in_epochs <= sensor.points.decoded, "{:?}", sensor);
+        }
+    }
 }

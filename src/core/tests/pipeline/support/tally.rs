@@ -13,6 +13,8 @@ const FIRINGS: i64 = 60_000;
 pub(crate) struct Tally {
     way: Way,
     beams: BeamTable,
+    /// No firing's number comes again: times, whatever was done to the clock, are not needed to tell them apart.
+    short: bool,
     /// Firing and laser.
     pub(crate) seen: BTreeSet<(i64, u8)>,
     /// Points given out again.
@@ -26,7 +28,21 @@ pub(crate) struct Tally {
 impl Tally {
     pub(crate) fn new(way: Way) -> Self {
         let beams = BeamTable::new(Model::Vlp32c.spec().expect("built in"), false);
-        Self { way, beams, seen: BTreeSet::new(), twice: 0, points: 0, epochs: 0, errors: (i64::MAX, i64::MIN) }
+        Self {
+            way,
+            beams,
+            short: false,
+            seen: BTreeSet::new(),
+            twice: 0,
+            points: 0,
+            epochs: 0,
+            errors: (i64::MAX, i64::MIN),
+        }
+    }
+
+    /// For a session of less than 3.3 s.
+    pub(crate) fn of_a_short_session(way: Way) -> Self {
+        Self { short: true, ..Self::new(way) }
     }
 
     /// Counts an epoch's points, and checks what every epoch must be.
@@ -58,6 +74,9 @@ impl Tally {
         let t = |n: usize| scan.stamp.0 + i64::from(scan.points.dt_ns[n]) - self.way.start_ns;
         let firing = |(n, range_m): (usize, &f32)| {
             let modulo = firing_of(*range_m);
+            if self.short {
+                return modulo;
+            }
             let turns = (t(n) / FIRING_NS - modulo + FIRINGS / 2).div_euclid(FIRINGS);
             modulo + turns * FIRINGS
         };
