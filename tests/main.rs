@@ -19,6 +19,7 @@ mod recording_cli;
 mod rig_files;
 mod run_cli;
 mod schemas;
+mod soak;
 mod status_cli;
 mod stream_limits;
 mod stream_protocol;
