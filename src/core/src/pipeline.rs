@@ -16,7 +16,7 @@ use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud};
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
-use crate::reasons;
+use crate::reasons::Observer;
 use crate::workers::Workers;
 use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
 
@@ -55,6 +55,7 @@ pub struct Pipeline {
     aligner: Aligner,
     beat: Beat,
     states: Vec<SensorState>,
+    observer: Observer,
     judge: Judge,
     notices: Waiting,
     wall: WallClock,
@@ -75,6 +76,7 @@ impl Pipeline {
             aligner: Aligner::new(sensors, config.kinects.len() + config.lidars.len(), config.timing.hold),
             beat: Beat::new(sensors),
             states: vec![SensorState::Absent; sensors],
+            observer: Observer::default(),
             judge: Judge::default(),
             notices: Waiting::default(),
             wall: WallClock::new(),
@@ -250,7 +252,7 @@ impl Pipeline {
                 shed_scans: sensor.epochs.shed_scans,
             };
         }
-        let reasons = self.judge.judge(reasons::observe(&sensors));
+        let reasons = self.judge.judge(self.observer.observe(&sensors));
         let wall = WallHealth {
             unix_ns: self.wall.unix(t).map(|unix| unix.0.to_string()),
             steps: self.wall.steps_until(t),

@@ -2,21 +2,60 @@
 
 use crate::clock::ClockState;
 use crate::health::{Level, Reason, SensorHealth, SensorKind, SensorState};
+use std::collections::{BTreeMap, VecDeque};
 
 /// So small a share of packets may be lost without a word.
 const LOSS_SHARE: f64 = 0.001;
+/// Over so many seconds: what was lost long ago is in the counts, and no reason to do something now.
+const LOSS_SECONDS: usize = 10;
 /// A turn that sweeps less of the region of interest is worth a word.
 const LEAST_COVERAGE: f64 = 0.9;
 
-/// Everything that is not as it should be in this second.
-pub(crate) fn observe(sensors: &[SensorHealth]) -> Vec<Reason> {
-    let mut reasons = Vec::new();
-    for sensor in sensors {
-        state(sensor, &mut reasons);
-        if sensor.state == SensorState::Live {
-            quality(sensor, &mut reasons);
+/// Looks at the sensors once a second.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Observer {
+    /// By sensor: what it had received and lost in the last seconds.
+    seen: BTreeMap<String, VecDeque<Traffic>>,
+}
+
+/// What a sensor sent so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Traffic {
+    received: u64,
+    lost: u64,
+}
+
+impl Observer {
+    /// Everything that is not as it should be in this second.
+    pub(crate) fn observe(&mut self, sensors: &[SensorHealth]) -> Vec<Reason> {
+        let mut reasons = Vec::new();
+        for sensor in sensors {
+            state(sensor, &mut reasons);
+            let lately = self.lately(sensor);
+            if sensor.state == SensorState::Live {
+                loss(sensor, lately, &mut reasons);
+                quality(sensor, &mut reasons);
+            }
         }
+        no_data(sensors, &mut reasons);
+        reasons
     }
+
+    /// What came and what was lost in the last [`LOSS_SECONDS`].
+    fn lately(&mut self, sensor: &SensorHealth) -> Traffic {
+        let now = Traffic { received: sensor.received, lost: sensor.lost.total };
+        let seen = self.seen.entry(sensor.id.clone()).or_default();
+        let before = seen.front().copied().unwrap_or_default();
+        seen.push_back(now);
+        if seen.len() > LOSS_SECONDS {
+            seen.pop_front();
+        }
+        // A late packet takes its loss back.
+        Traffic { received: now.received - before.received, lost: now.lost.saturating_sub(before.lost) }
+    }
+}
+
+fn no_data(sensors: &[SensorHealth], reasons: &mut Vec<Reason>) {
     let measuring = |sensor: &&SensorHealth| sensor.kind != SensorKind::Serial;
     let any_live = sensors.iter().filter(measuring).any(|sensor| sensor.state == SensorState::Live);
     if !any_live && sensors.iter().any(|sensor| measuring(&sensor)) {
@@ -27,7 +66,6 @@ pub(crate) fn observe(sensors: &[SensorHealth]) -> Vec<Reason> {
             message: "no sensor delivers data: `tumbled doctor` looks for the cause".to_owned(),
         });
     }
-    reasons
 }
 
 fn reason(sensor: &SensorHealth, key: &str, message: String) -> Reason {
@@ -62,15 +100,21 @@ fn state(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
     reasons.push(reason(sensor, key, message));
 }
 
+fn loss(sensor: &SensorHealth, lately: Traffic, reasons: &mut Vec<Reason>) {
+    let (id, Traffic { received, lost }) = (&sensor.id, lately);
+    let sent = received + lost;
+    if lost as f64 > LOSS_SHARE * sent as f64 {
+        let share = 100.0 * lost as f64 / sent as f64;
+        let here = sensor.lost.kernel + sensor.lost.queue;
+        let place = if here > 0 { "on this machine too: give the receiver more buffer or time" } else { "on the way" };
+        let message =
+            format!("{lost} of {id}'s packets were lost in the last {LOSS_SECONDS} s ({share:.2} %), {place}");
+        reasons.push(reason(sensor, "loss", message));
+    }
+}
+
 fn quality(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
     let id = &sensor.id;
-    let sent = sensor.received + sensor.lost.total;
-    if sensor.lost.total as f64 > LOSS_SHARE * sent as f64 {
-        let (lost, share) = (sensor.lost.total, 100.0 * sensor.lost.total as f64 / sent as f64);
-        let here = sensor.lost.kernel + sensor.lost.queue;
-        let place = if here > 0 { "on this machine: give the receiver more buffer or time" } else { "on the way" };
-        reasons.push(reason(sensor, "loss", format!("{lost} of {id}'s packets are lost ({share:.2} %), {place}")));
-    }
     if let Some(clock) = sensor.clock.filter(|clock| clock.state == ClockState::Suspect) {
         let skew = clock.skew_ppm;
         reasons.push(reason(

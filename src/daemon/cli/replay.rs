@@ -14,6 +14,7 @@ use tumbled_model::UnixNs;
 use super::{Failure, InputArgs, Outcome, import, output, signals};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
+use crate::session::chain::rig_digest;
 use crate::session::serve::{About, Server};
 use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, engine, lines::EpochLine, setup};
 use crate::stream::{ShellHealth, StreamOrigin};
@@ -98,7 +99,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     core.ignore_skips = args.ignore_skips;
     let mut inputs = Inputs::open_ledger(&args.input.inputs, config)?;
     let interpreter = engine::interpreter(config, args.ignore_skips);
-    let mut engine = Engine::new(core, engine::workers(args.threads)?, interpreter);
+    let rig = rig_digest(&show::text(&loaded.tree, false), &config.attachments());
+    let mut engine = Engine::new(core, rig, engine::workers(args.threads)?, interpreter);
     let stop = signals::stop_token()?;
     let mut sinks = Sinks::open(args, &loaded, &inputs)?;
     let finished = play(&mut inputs, &mut engine, &mut sinks, &mut Pace::new(args.speed, stop))?;

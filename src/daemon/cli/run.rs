@@ -15,6 +15,7 @@ use super::signals::{self, Signals};
 use super::{ConfigArgs, Failure, Outcome, output};
 use crate::config::{Loaded, show};
 use crate::quantity;
+use crate::session::chain::rig_digest;
 use crate::session::live::{self, CorePart, RecordingPart};
 use crate::session::reload::{self, Change};
 use crate::session::serve::{About, Server};
@@ -91,7 +92,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let about = About { session: &header.session, origin: StreamOrigin::Live, unix_at_zero: header.unix_at_zero };
     let core_config = setup::core_config(&loaded.config)?;
     let interpreter = engine::interpreter(&loaded.config, false);
-    let engine = Engine::new(core_config.clone(), engine::workers(args.threads)?, interpreter);
+    let rig = rig_digest(&header.config, &header.files);
+    let engine = Engine::new(core_config.clone(), rig, engine::workers(args.threads)?, interpreter);
     let recording = args.record.as_ref().map(|path| RecordingPart {
         path: path.clone(),
         header: header.clone(),

@@ -10,6 +10,7 @@ use tumbled_io::recording::{Reader, RecordingInfo};
 
 use super::{Failure, Outcome, VERSION, output};
 use crate::config::{self, Recorded};
+use crate::session::chain::rig_digest;
 use crate::session::{Checkpoint, Engine, engine, setup};
 
 /// What `verify` is asked for.
@@ -51,7 +52,7 @@ pub struct FirstDifference {
     pub t_ns: i64,
     /// The newest checkpoint before it that is the same, ns; null: there is none.
     pub same_until_ns: Option<i64>,
-    /// What differs: `ledger` (the events are not those of the session), `epochs`, `notices`, `health`, `missing` (the
+    /// What differs: `rig` (config or files), `ledger` (the events are not those of the session), `epochs`, `notices`, `health`, `missing` (the
     /// recomputation has no such checkpoint).
     pub fields: Vec<String>,
     /// As it was recorded.
@@ -113,7 +114,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let path = args.files.first().cloned().unwrap_or_default();
     let config = config::load_recorded(Recorded { path, header: header.clone() }, &[])?.config;
     let core = setup::core_config(&config)?;
-    let mut engine = Engine::new(core, engine::workers(args.threads)?, engine::interpreter(&config, false));
+    let rig = rig_digest(&header.config, &header.files);
+    let interpreter = engine::interpreter(&config, false);
+    let mut engine = Engine::new(core, rig, engine::workers(args.threads)?, interpreter);
     let mut comparison = Comparison::default();
     compute(&mut reader, &mut engine, &mut comparison)?;
     let report = report(&engine, comparison, reader.info());

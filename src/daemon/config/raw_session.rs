@@ -12,8 +12,9 @@ pub struct RawTime {
     /// Milliseconds an epoch waits at most for the data of the other sensors.
     #[schemars(range(min = 0.0, max = 10_000.0))]
     pub hold_ms: f64,
-    /// Milliseconds of silence after which a sensor is no longer waited for.
-    #[schemars(range(max = 3_600_000.0), extend("exclusiveMinimum" = 0))]
+    /// Milliseconds of silence after which a sensor is no longer waited for; half a second at least, which a returning
+    /// sensor takes to be waited for again.
+    #[schemars(range(min = 500.0, max = 3_600_000.0))]
     pub silent_after_ms: f64,
     /// How device stamps become times: `hull` takes the least delayed arrivals, `kalman` their mean delay, `arrival`
     /// believes no device clock.

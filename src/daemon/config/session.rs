@@ -17,7 +17,7 @@ pub const DEFAULT_STREAM_SOCKET: &str = "/run/tumbled/state.sock";
 pub struct TimeConfig {
     /// The longest an epoch waits for the other sensors, 0 to 10 s.
     pub hold: Span,
-    /// A sensor silent for longer is no longer waited for; above 0, at most an hour.
+    /// A sensor silent for longer is no longer waited for; 0.5 s to an hour.
     pub silent_after: Span,
     /// How device stamps become times.
     pub clock: ClockMethod,

@@ -1,7 +1,7 @@
 //! A hash chain over what went into the core and what came out of it: two runs are the same to the bit exactly if their
 //! chains are.
 //!
-//! Four hashes run through a session: of the ledger's events as they are recorded, and of the core's epochs, notices and
+//! Beside the hash of the config and the rig's files, four run through a session: of the ledger's events as they are recorded, and of the core's epochs, notices and
 //! health. Once a second, where the core tells its health, their values are a checkpoint; a recording keeps them, and
 //! `tumbled verify` and `tumbled replay --digest` compute them anew.
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use tumbled_core::{CoreHealth, Epoch, KinectScan, LidarScan, Notice, Scan, TimeBasis};
 use tumbled_io::recording::layout::encode;
 use tumbled_io::recording::results::CHECKPOINTS;
-use tumbled_io::recording::{ChannelKey, ResultKind, ResultMessage};
+use tumbled_io::recording::{AttachedFile, ChannelKey, ResultKind, ResultMessage};
 use tumbled_model::{Event, RigNs};
 use xxhash_rust::xxh3::xxh3_128;
 use zerocopy::IntoBytes;
@@ -30,6 +30,8 @@ pub struct Checkpoint {
     pub events: u64,
     /// Epochs so far.
     pub epochs: u64,
+    /// Of the config and the rig's files that the session began with.
+    pub rig: String,
     /// Of the events, raw bytes and arrivals included.
     pub ledger: String,
     /// Of the epochs: times, points, everything.
@@ -44,6 +46,7 @@ impl Checkpoint {
     /// The fields that differ from another's, first what comes first on the way through the core.
     pub fn differences(&self, other: &Self) -> Vec<&'static str> {
         let fields = [
+            ("rig", self.rig == other.rig),
             ("seq", self.seq == other.seq),
             ("events", self.events == other.events),
             ("ledger", self.ledger == other.ledger),
@@ -82,9 +85,20 @@ impl Checkpoint {
     }
 }
 
+/// One hash over a config and the files it names: what the core was told of the rig.
+pub fn rig_digest(config: &str, files: &[AttachedFile]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&(config.len() as u64).to_le_bytes()).update(config.as_bytes());
+    for file in files {
+        hasher.update(file.key.as_bytes()).update(&[0]).update(file.file.blake3.as_bytes());
+    }
+    hex(&hasher)
+}
+
 /// The running hashes.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
+    rig: String,
     ledger: blake3::Hasher,
     epoch: blake3::Hasher,
     notice: blake3::Hasher,
@@ -96,6 +110,11 @@ pub struct Chain {
 }
 
 impl Chain {
+    /// A chain of a session on the rig of a [`rig_digest`].
+    pub fn new(rig: String) -> Self {
+        Self { rig, ..Self::default() }
+    }
+
     /// An event went in.
     pub fn event(&mut self, event: &Event) {
         self.events += 1;
@@ -138,6 +157,7 @@ impl Chain {
             t_ns,
             events: self.events,
             epochs: self.epochs,
+            rig: self.rig.clone(),
             ledger: hex(&self.ledger),
             epoch: hex(&self.epoch),
             notice: hex(&self.notice),

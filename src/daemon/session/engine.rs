@@ -34,10 +34,10 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// A core for a rig.
-    pub fn new(config: CoreConfig, workers: Workers, interpreter: Interpreter) -> Self {
+    /// A core for a rig, whose config and files have the digest `rig` ([`super::chain::rig_digest`]).
+    pub fn new(config: CoreConfig, rig: String, workers: Workers, interpreter: Interpreter) -> Self {
         let pipeline = Pipeline::new(config, workers);
-        Self { pipeline, outputs: Outputs::default(), chain: Chain::default(), interpreter, t_ns: 0 }
+        Self { pipeline, outputs: Outputs::default(), chain: Chain::new(rig), interpreter, t_ns: 0 }
     }
 
     /// Lets the core have an event.
