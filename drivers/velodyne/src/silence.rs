@@ -5,6 +5,9 @@ use crate::speed::TURN_CDEG;
 
 /// Two gaps at the same azimuths to within this are the view's limit and not chance, if they are wide enough.
 pub(crate) const SAME_GAP_CDEG: i32 = 100;
+/// The turn in sectors of so many hundredths of a degree, to remember where the head has fired: a packet is no wider.
+const SECTOR_CDEG: u32 = 500;
+const SECTORS: usize = 36_000 / SECTOR_CDEG as usize;
 
 /// The sector in which a sensor with a limited field of view does not fire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,4 +77,31 @@ pub(crate) fn near(a: u16, b: u16) -> bool {
 pub(crate) fn packets_missing(span_ns: i64, period_ns: i64) -> u64 {
     let periods = (span_ns + period_ns / 2) / period_ns.max(1);
     (periods - 1).max(0) as u64
+}
+
+/// Sectors in which the head has fired: the view's limits leave them open.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fired([bool; SECTORS]);
+
+impl Default for Fired {
+    fn default() -> Self {
+        Self([false; SECTORS])
+    }
+}
+
+impl Fired {
+    pub(crate) fn note(&mut self, azimuth_cdeg: u16) {
+        if let Some(sector) = self.0.get_mut((u32::from(azimuth_cdeg) / SECTOR_CDEG) as usize % SECTORS) {
+            *sector = true;
+        }
+    }
+
+    /// Whether a whole sector in which it fired lies in the gap. The gap's ends jitter from turn to turn.
+    pub(crate) fn within(&self, gap: &Gap) -> bool {
+        let width = forward_cdeg(gap.from_cdeg, gap.to_cdeg) - 2 * SAME_GAP_CDEG;
+        let from = u32::from(gap.from_cdeg) + SAME_GAP_CDEG as u32;
+        let to = from + u32::try_from(width).unwrap_or(0);
+        let fired = |sector: u32| self.0.get(sector as usize % SECTORS).is_some_and(|fired| *fired);
+        (from.div_ceil(SECTOR_CDEG)..to / SECTOR_CDEG).any(fired)
+    }
 }

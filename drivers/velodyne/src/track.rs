@@ -10,7 +10,7 @@
 
 use crate::azimuth::{Jumps, Turning, forward_cdeg};
 pub use crate::silence::SilentSector;
-use crate::silence::{Gap, SAME_GAP_CDEG, near, packets_missing, pause_by_angle};
+use crate::silence::{Fired, Gap, SAME_GAP_CDEG, near, packets_missing, pause_by_angle};
 use crate::speed::{Speed, TURN_CDEG};
 use tumbled_model::{LidarTime, RigNs};
 
@@ -91,6 +91,7 @@ pub struct PacketTracker {
     speed: Speed,
     silent: Option<SilentSector>,
     candidates: Vec<Gap>,
+    fired: Fired,
     recent: [Option<LidarTime>; RECENT],
     /// Spans of stamps in which packets are missing, newest last.
     missing: [Option<(LidarTime, LidarTime)>; RECENT],
@@ -130,6 +131,8 @@ impl PacketTracker {
             groups: turning.groups,
             jumps: turning.jumps,
         };
+        self.fired.note(now.first_cdeg);
+        self.fired.note(now.last_cdeg);
         let Some(last) = self.last else {
             self.last = Some(now);
             return Observation { order: Order::Next { lost: 0 }, previous_pause_ns: None };
@@ -334,7 +337,9 @@ impl PacketTracker {
             self.totals.pauses += passes;
             return lost;
         }
-        if forward_cdeg(gap.from_cdeg, gap.to_cdeg) >= MIN_SILENCE_CDEG {
+        let may_be_silent = forward_cdeg(gap.from_cdeg, gap.to_cdeg) >= MIN_SILENCE_CDEG;
+        // Loss strikes twice at the same azimuths when the host stalls in step with the head.
+        if may_be_silent && !self.fired.within(&gap) {
             let twin = self.candidates.iter().find(|other| gap.same_place(other));
             let twin = twin.filter(|_| forward_cdeg(gap.from_cdeg, gap.to_cdeg) >= MIN_TWIN_CDEG);
             if let Some(twin) = twin {

@@ -41,6 +41,22 @@ fn a_pause_exactly_between_two_packets_is_not_loss_either() {
 }
 
 #[test]
+fn loss_at_the_same_azimuths_turn_after_turn_is_loss_where_the_head_was_seen_to_fire() {
+    let mut packets = Sensor::new(Model::Vlp32c, ReturnMode::Strongest).packets(3_000, far);
+    // 150.7 packets make a turn of 600 rpm. After two whole turns the host takes the first of every 75 and misses the
+    // rest: half a turn, at the same two places each time, to 1.6° a turn.
+    let mut number = 0;
+    packets.retain(|_| {
+        number += 1;
+        number <= 302 || number % 75 == 1
+    });
+    let (decoder, _) = run(&packets, Settings::default());
+    let last = 2_926; // 39 × 75 + 1
+    assert_eq!(decoder.tracker().totals().lost, last - packets.len() as u64);
+    assert_eq!(decoder.tracker().silent_sector(), None);
+}
+
+#[test]
 fn the_hour_rolls_over_without_loss_or_reset() {
     let sensor = Sensor { start_us: 3_599_990_000, ..Sensor::new(Model::Vlp16, ReturnMode::Strongest) };
     let (decoder, out) = run(&sensor.packets(40, far), Settings::default());
