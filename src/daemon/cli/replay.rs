@@ -3,18 +3,21 @@
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::SensorHealth;
+use tumbled_io::recording::thread::SYNC_EVERY;
 use tumbled_io::recording::{Origin, Recorder, RecordingHeader, ResultKind};
-use tumbled_model::UnixNs;
+use tumbled_model::{Event, UnixNs};
 
 use super::{Failure, InputArgs, Outcome, import, output, signals};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
 use crate::session::chain::rig_digest;
+use crate::session::pace::Waited;
 use crate::session::serve::{About, Server};
 use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, engine, lines::EpochLine, setup};
 use crate::stream::{ShellHealth, StreamOrigin};
@@ -120,12 +123,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 /// Every event through the core; false when a stop came before the end.
 fn play(inputs: &mut Inputs, engine: &mut Engine, sinks: &mut Sinks, pace: &mut Pace) -> Result<bool, Failure> {
     while let Some(event) = inputs.next_event()? {
-        if !pace.wait(event.arrived) {
-            return Ok(false);
+        loop {
+            match pace.wait(event.arrived, sinks.until_sync()) {
+                Waited::Due => break,
+                Waited::NotYet => {}
+                Waited::Stopped => return Ok(false),
+            }
         }
-        if let Some(recorder) = &mut sinks.recorder {
-            recorder.write(&event);
-        }
+        sinks.record(&event);
         sinks.take(&engine.step(&event))?;
     }
     sinks.take(&engine.finish())?;
@@ -138,6 +143,7 @@ struct Sinks {
     epochs: Option<Box<dyn Write>>,
     recorder: Option<Recorder>,
     checkpoints: ResultKind,
+    next_sync: Instant,
     server: Option<Server>,
     publish: Publish,
 }
@@ -158,7 +164,14 @@ impl Sinks {
             None => None,
         };
         let epochs = args.epochs.as_deref().map(writer).transpose()?;
-        Ok(Self { epochs, recorder, checkpoints: Checkpoint::kind(), server, publish })
+        Ok(Self {
+            epochs,
+            recorder,
+            checkpoints: Checkpoint::kind(),
+            next_sync: Instant::now() + SYNC_EVERY,
+            server,
+            publish,
+        })
     }
 
     fn take(&mut self, step: &Step<'_>) -> Result<(), Failure> {
@@ -182,7 +195,25 @@ impl Sinks {
         let Some(recorder) = &mut self.recorder else { return };
         let message = checkpoint.to_message();
         recorder.write_result(&self.checkpoints, message.t, message.seq, &message.json);
+    }
+
+    fn record(&mut self, event: &Event) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.write(event);
+        }
+    }
+
+    /// Syncs the recording if it is time, by this machine's clock whatever the replay's speed, as a live recording is:
+    /// a kill costs a second. How long until it is time again.
+    fn until_sync(&mut self) -> Duration {
+        let Some(recorder) = &mut self.recorder else { return Duration::MAX };
+        let left = self.next_sync.saturating_duration_since(Instant::now());
+        if !left.is_zero() {
+            return left;
+        }
         recorder.sync();
+        self.next_sync = Instant::now() + SYNC_EVERY;
+        SYNC_EVERY
     }
 
     fn close(mut self) -> Result<(), Failure> {

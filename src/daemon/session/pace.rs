@@ -32,6 +32,17 @@ impl FromStr for Speed {
     }
 }
 
+/// What a wait ended with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Waited {
+    /// The event's time has come.
+    Due,
+    /// It has not come yet: wait again.
+    NotYet,
+    /// The replay is to end.
+    Stopped,
+}
+
 /// Waits until each event's time has come.
 #[derive(Debug)]
 pub struct Pace {
@@ -49,13 +60,24 @@ impl Pace {
         Self { speed, began: None, stop }
     }
 
-    /// Waits until it is time for an event that arrived at `arrived`; false when stopped.
-    pub fn wait(&mut self, arrived: RigNs) -> bool {
-        let Speed::Times(times) = self.speed else { return !self.stop.is_stopped() };
+    /// Waits until it is time for an event that arrived at `arrived`, at most `at_most`.
+    pub fn wait(&mut self, arrived: RigNs, at_most: Duration) -> Waited {
+        if self.stop.is_stopped() {
+            return Waited::Stopped;
+        }
+        let Speed::Times(times) = self.speed else { return Waited::Due };
         let (began, first) = *self.began.get_or_insert_with(|| (Instant::now(), arrived));
         let due_s = ((arrived - first).as_secs_f64() / times).clamp(0.0, 1e9);
         let left = Duration::from_secs_f64(due_s).saturating_sub(began.elapsed());
-        if left < SHORTEST_WAIT { !self.stop.is_stopped() } else { !self.stop.wait(left) }
+        if left < SHORTEST_WAIT {
+            Waited::Due
+        } else if self.stop.wait(left.min(at_most)) {
+            Waited::Stopped
+        } else if left <= at_most {
+            Waited::Due
+        } else {
+            Waited::NotYet
+        }
     }
 }
 
@@ -77,10 +99,13 @@ mod tests {
         let stop = StopToken::new().expect("a descriptor");
         let mut pace = Pace::new(Speed::Times(4.0), stop.clone());
         let began = Instant::now();
-        assert!(pace.wait(RigNs(5_000_000_000)) && pace.wait(RigNs(5_200_000_000)));
+        let minute = Duration::from_secs(60);
+        assert_eq!(pace.wait(RigNs(5_000_000_000), minute), Waited::Due);
         // 200 ms at four times the speed, at most a millisecond early.
+        assert_eq!(pace.wait(RigNs(5_200_000_000), Duration::from_millis(10)), Waited::NotYet);
+        assert_eq!(pace.wait(RigNs(5_200_000_000), minute), Waited::Due);
         assert!(began.elapsed() >= Duration::from_millis(49));
         stop.stop();
-        assert!(!pace.wait(RigNs(3_600_000_000_000)));
+        assert_eq!(pace.wait(RigNs(3_600_000_000_000), minute), Waited::Stopped);
     }
 }
