@@ -4,6 +4,7 @@ pub(crate) mod daemon;
 pub(crate) mod ledger;
 pub(crate) mod pcap;
 pub(crate) mod real;
+pub(crate) mod replaying;
 pub(crate) mod rig;
 pub(crate) mod stream;
 

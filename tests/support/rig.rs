@@ -3,8 +3,13 @@
 //! A VLP-32C at 600 rpm, single return; a Kinect at 30 Hz; ticks and anchors. Nothing is lost and nothing is random: the
 //! same rig makes the same ledger every time.
 
+use std::path::Path;
+
 use bytes::Bytes;
-use tumbled_io::recording::{Origin, RecordingHeader};
+use tumbled::cli::Failure;
+use tumbled::session::{Engine, setup};
+use tumbled_core::{CoreConfig, Workers};
+use tumbled_io::recording::{Origin, Recorder, RecorderOptions, RecordingHeader};
 use tumbled_kinect::encode_raw;
 use tumbled_kinect::{RawDisparity, RawImage, ZeroPlane};
 use tumbled_model::{Body, DepthEncoding, Event, KinectTicks, PacketMask, RigNs, Span, UnixNs};
@@ -164,4 +169,35 @@ pub(crate) fn header() -> RecordingHeader {
         unix_at_zero: UnixNs(START_UNIX_S * 1_000_000_000),
         ..RecordingHeader::default()
     }
+}
+
+/// The data packets of the LiDAR alone, without end.
+pub(crate) fn packets() -> impl Iterator<Item = Bytes> {
+    Rig::new(1, 1).filter_map(|event| match event.body {
+        Body::LidarPacket { bytes, .. } => Some(bytes),
+        _ => None,
+    })
+}
+
+/// The core of the built-in rig, without its Kinect.
+pub(crate) fn lidar_core() -> CoreConfig {
+    let config = tumbled::config::load(None, &[]).expect("the built-in config").config;
+    CoreConfig { kinects: Vec::new(), ..setup::core_config(&config).expect("a core") }
+}
+
+/// That core with its chain, on one thread.
+pub(crate) fn lidar_engine() -> Engine {
+    Engine::new(lidar_core(), String::new(), Workers::none(), Box::new(|_| Err(Failure::input("no changed config here"))))
+}
+
+/// Records the first `time` of a rig, as `import` would: no checkpoints. Gives the number of events.
+pub(crate) fn record(rig: Rig, time: Span, path: &Path) -> u64 {
+    let mut recorder = Recorder::create(path, header(), RecorderOptions::default()).expect("begins");
+    let mut events = 0;
+    for event in rig.take_while(|event| event.arrived.0 < time.0) {
+        assert!(recorder.write(&event));
+        events += 1;
+    }
+    assert!(recorder.finish().stopped.is_none());
+    events
 }

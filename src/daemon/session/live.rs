@@ -8,8 +8,9 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use crossbeam_channel::{RecvTimeoutError, Sender};
 use tumbled_core::{CoreConfig, ScanBoundaries, SensorHealth};
 use tumbled_io::live::{ControlIntake, EventReceiver, Ledger, LedgerHandle, SessionClock, StopToken};
 use tumbled_io::recording::thread::ResultSink;
@@ -51,6 +52,32 @@ pub struct CorePart {
     pub engine: Engine,
     /// Those who are told.
     pub publish: Publish,
+}
+
+/// A stop takes 2 s at most where a queue is full, and a recorder a moment on a slow disk; a service manager waits 10 s.
+const LONGEST_STOP: Duration = Duration::from_secs(8);
+
+/// Ends the process when a stop takes too long: what was recorded is safe up to the last sync.
+struct StopGuard {
+    /// Dropped when the stop is done.
+    _done: Sender<()>,
+}
+
+impl StopGuard {
+    /// From now on the time runs. Without a thread for it there is no guard, and the stop goes on.
+    fn new() -> Self {
+        let (done, stopped) = crossbeam_channel::bounded::<()>(0);
+        let watch = move || {
+            if stopped.recv_timeout(LONGEST_STOP) == Err(RecvTimeoutError::Timeout) {
+                tracing::error!("a thread hangs: the process ends without it; `tumbled recover` finishes the recording");
+                std::process::exit(1);
+            }
+        };
+        if let Err(error) = std::thread::Builder::new().name("stop-guard".to_owned()).spawn(watch) {
+            tracing::warn!("the stop is not watched over: {error}");
+        }
+        Self { _done: done }
+    }
 }
 
 /// The recording of a session.
@@ -171,9 +198,11 @@ impl LiveSession {
         self.facts.set(ShellHealth { stream: clients.into(), ..health });
     }
 
-    /// Ends it: sources first, then the ledger, so that everything they accepted goes through core and recorder.
+    /// Ends it: sources first, then the ledger, so that everything they accepted goes through core and recorder. A thread
+    /// that hangs does not hold up the process: after [`LONGEST_STOP`] it is ended all the same.
     pub fn end(self) -> SessionEnd {
         self.stop.stop();
+        let _guard = StopGuard::new();
         let sources = self.sources.into_iter().map(RunningSource::join).collect();
         let ledger = self.ledger.stop();
         let core = self.core.map(|core| core.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
