@@ -187,7 +187,12 @@ pub(crate) fn lidar_core() -> CoreConfig {
 
 /// That core with its chain, on one thread.
 pub(crate) fn lidar_engine() -> Engine {
-    Engine::new(lidar_core(), String::new(), Workers::none(), Box::new(|_| Err(Failure::input("no changed config here"))))
+    Engine::new(
+        lidar_core(),
+        String::new(),
+        Workers::none(),
+        Box::new(|_| Err(Failure::input("no changed config here"))),
+    )
 }
 
 /// Records the first `time` of a rig, as `import` would: no checkpoints. Gives the number of events.

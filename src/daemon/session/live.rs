@@ -69,7 +69,9 @@ impl StopGuard {
         let (done, stopped) = crossbeam_channel::bounded::<()>(0);
         let watch = move || {
             if stopped.recv_timeout(LONGEST_STOP) == Err(RecvTimeoutError::Timeout) {
-                tracing::error!("a thread hangs: the process ends without it; `tumbled recover` finishes the recording");
+                tracing::error!(
+                    "a thread hangs: the process ends without it; `tumbled recover` finishes the recording"
+                );
                 std::process::exit(1);
             }
         };
