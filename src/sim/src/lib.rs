@@ -1,0 +1,19 @@
+//! The rig without hardware: simulated sensors that emit real packets and real frames, with the truth beside them.
+//!
+//! ```text
+//!   shape, target, room ─▶ world (what a ray hits, at any instant) ─┬─ lidar ──▶ Velodyne packets ─┐
+//!   motion ──────────────────────┘                                  └─ kinect ─▶ 11-bit frames ────┴─ transport ─▶ events
+//! ```
+//!
+//! Pure and seeded: the same seed gives the same bytes on every machine and any number of threads. It encodes with the
+//! crates that decode, and shares no noise constant with the core.
+//!
+//! * [`shape`]: triangle meshes and materials; [`world`]: bodies in motion, and what a ray hits;
+//! * [`motion`]: where a body is at any instant; [`noise`]: random numbers by name and index.
+#![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing)]
+
+pub mod motion;
+pub mod noise;
+pub mod shape;
+pub mod world;
