@@ -9,11 +9,12 @@
 //!   UDP sockets ────── live::Source ─▶ Intake ─▶ live::ledger ─▶ Event, Event, … ──▶ core, recorder
 //! ```
 //!
-//! Nothing here decodes a sensor's payload: it is handed on as it was received, with the instant the
+//! [`foreign`] is the way back: captures for other programs. Nothing here decodes a sensor's payload: it is handed on as it was received, with the instant the
 //! host first had it and with every loss the file shows.
 #![forbid(unsafe_code)]
 
 pub mod capture;
+pub mod foreign;
 pub mod live;
 pub mod machine;
 pub mod recording;
