@@ -9,10 +9,12 @@
 //! crates that decode, and shares no noise constant with the core.
 //!
 //! * [`shape`]: triangle meshes and materials; [`world`]: bodies in motion, and what a ray hits;
+//! * [`kinect`]: the depth camera's raw frames;
 //! * [`motion`]: where a body is at any instant; [`noise`]: random numbers by name and index.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
+pub mod kinect;
 pub mod motion;
 pub mod noise;
 pub mod shape;
