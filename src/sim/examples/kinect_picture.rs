@@ -101,14 +101,17 @@ fn edge(folder: &Path) -> Result<(), Box<dyn Error>> {
     write(&folder.join("kinect-edge.png"), [150, 110, 160, 120], 4, |u, v| depth_colour(&frame, [1.1, 2.6], u, v))
 }
 
-/// Rows: matt, dark, foil; columns: turned by 0, 30, 50, 65, 75, 80 degrees.
+/// Rows: matt, dark, foil; columns: 0, 30, 50, 65, 75, 82 degrees between the plate's normal and the ray to its middle.
 fn materials(folder: &Path) -> Result<(), Box<dyn Error>> {
     let mut bodies = Vec::new();
-    for (material, y) in [(Material::Matt, -0.6), (Material::Dark, 0.0), (Material::Foil, 0.6)] {
-        for (column, deg) in [0.0, 30.0, 50.0, 65.0, 75.0, 80.0].into_iter().enumerate() {
-            let place = [0.32 * column as f64 - 0.8, y, 1.9];
-            // Turned about the horizontal, so that the ray's direction across the image changes little.
-            bodies.push(body(Role::Fixture, cuboid([0.24, 0.4, 0.005], material), place, [deg, 0.0, 0.0]));
+    for (material, y) in [(Material::Matt, -0.5), (Material::Dark, 0.0), (Material::Foil, 0.5)] {
+        for (column, deg) in [0.0, 30.0, 50.0, 65.0, 75.0, 82.0_f64].into_iter().enumerate() {
+            let place = Vector3::new(0.32 * column as f64 - 0.8, y, 1.9);
+            let facing = UnitQuaternion::rotation_between(&Vector3::z(), &place).ok_or("in front of the camera")?;
+            let turned = facing * UnitQuaternion::new(Vector3::x() * deg.to_radians());
+            let at = Isometry3::from_parts(Translation3::from(place), turned);
+            let mesh = Arc::new(cuboid([0.24, 0.4, 0.001], material));
+            bodies.push(Body { role: Role::Fixture, mesh, motion: Arc::new(Still(at)) });
         }
     }
     let frame = frame(KinectParameters::default(), &World::new(bodies), 0)?;

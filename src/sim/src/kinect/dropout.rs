@@ -20,6 +20,8 @@ pub(super) struct Dropout {
 
 /// Half the width of the border beyond which foil is lost, degrees.
 const FOIL_BORDER_DEG: f64 = 5.0;
+/// The same for dark surfaces, as a share of their range.
+const DARK_BORDER: f64 = 0.05;
 
 impl Dropout {
     pub(super) fn new(parameters: &KinectParameters) -> Self {
@@ -60,7 +62,10 @@ impl Dropout {
         match material {
             Material::Matt => false,
             // The light that comes back goes with the cosine over the square of the distance.
-            Material::Dark => metres > self.dark_farthest_m * cos_squared.sqrt().sqrt(),
+            Material::Dark => {
+                let limit = self.dark_farthest_m * cos_squared.sqrt().sqrt();
+                metres > limit * (1.0 + DARK_BORDER * (border() / 2.0).clamp(-1.0, 1.0))
+            }
             Material::Foil => {
                 let limit = self.foil_deg + FOIL_BORDER_DEG * (border() / 2.0).clamp(-1.0, 1.0);
                 incidence_deg(cos_squared) > limit && !chance.chance(self.foil_survival)

@@ -1,5 +1,6 @@
 //! Ragged edges: near a step in depth a pixel may see what lies up to four pixels beside it.
 
+use crate::kinect::grain::nearly_normal;
 use crate::kinect::raster::lit;
 use crate::noise::Noise;
 use tumbled_kinect::{HEIGHT, WIDTH};
@@ -23,8 +24,12 @@ pub(super) struct Straying {
 impl Straying {
     pub(super) fn new(seed: u64, name: &str, index: u64, edge_px: f64) -> Self {
         let mut noise = Noise::new(seed, name, index);
-        let (far, spread) = (RESTORE * edge_px, RESTORE);
-        let mut node = || [noise.normal() * far, noise.normal() * far, noise.normal() * spread].map(|x| x as f32);
+        let (far, spread) = ((RESTORE * edge_px) as f32, RESTORE as f32);
+        let mut node = || {
+            let (both, third) = (noise.bits(), noise.bits());
+            let [across, down, other] = [both as u32, (both >> 32) as u32, third as u32].map(nearly_normal);
+            [across * far, down * far, other * spread]
+        };
         Self { nodes: (0..NODES_ACROSS * NODES_DOWN).map(|_| node()).collect() }
     }
 

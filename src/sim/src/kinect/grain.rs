@@ -68,7 +68,7 @@ pub(super) fn along(seed: u64, name: &str, index: u64, v: usize, row: &mut [f32]
 
 /// Mean 0, standard deviation 1: the sum of four bytes. Its tails end at 3.5, and its 1021 steps and its fourth moment
 /// (2.7, not 3) are gone when 25 of them have been added.
-fn nearly_normal(bits: u32) -> f32 {
+pub(super) fn nearly_normal(bits: u32) -> f32 {
     /// Standard deviation of the sum of four bytes: √(4 · (256² − 1)/12).
     const SPREAD: f32 = 147.800_77;
     let sum: i32 = bits.to_le_bytes().iter().map(|byte| i32::from(*byte)).sum();

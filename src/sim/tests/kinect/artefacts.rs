@@ -89,8 +89,8 @@ fn dark_surfaces_end_early_and_foil_shines_only_towards_the_camera() {
         let body = placed(plate(30.0, 30.0, material), [0.0, 0.0, metres], deg, 0.0, Role::Target);
         filled(&frame(KinectParameters::default(), &World::new(vec![body])), 20)
     };
-    // Dark: to 2.5 m; at 60° to 2.5 · √0.5 = 1.77 m.
-    let dark = [(2.3, 0.0), (2.7, 0.0), (1.5, 60.0), (2.0, 60.0)].map(|(z, deg)| share(Material::Dark, z, deg));
+    // Dark: to 2.5 m, at 60° to 2.5 · √0.5 = 1.77 m, 5 % either way; over the window the turned plate is 6 % nearer to farther.
+    let dark = [(2.3, 0.0), (2.7, 0.0), (1.5, 60.0), (2.2, 60.0)].map(|(z, deg)| share(Material::Dark, z, deg));
     assert_eq!(dark, [1.0, 0.0, 1.0, 0.0]);
     let foil = [0.0, 35.0, 60.0].map(|deg| share(Material::Foil, 1.5, deg));
     assert_eq!(foil[..2], [1.0, 1.0]);
