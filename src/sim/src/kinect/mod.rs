@@ -35,7 +35,7 @@ use tumbled_kinect::{
 use tumbled_model::{DepthEncoding, RigNs};
 
 pub use law::DepthLaw;
-pub use parameters::KinectParameters;
+pub use parameters::{KinectParameters, ParameterError};
 
 /// Rows drawn at once: what they need stays in a core's cache, and there are enough of them for every core.
 const BAND_ROWS: usize = 16;
@@ -78,6 +78,17 @@ pub struct Truth {
     pub role: Image<Option<Role>>,
 }
 
+/// A device that cannot be simulated.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ModelError {
+    /// Its camera.
+    #[error(transparent)]
+    Intrinsics(#[from] IntrinsicsError),
+    /// One of its parameters.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+}
+
 impl Frame {
     /// The frame as on the wire: 422 400 bytes.
     ///
@@ -93,13 +104,14 @@ impl KinectModel {
     /// (x right, y down, z forward) in the rig's.
     ///
     /// # Errors
-    /// [`IntrinsicsError`]: intrinsics that describe no camera.
+    /// [`ModelError`]: intrinsics that describe no camera, or parameters no device has.
     pub fn new(
         name: &str,
         intrinsics: &Intrinsics,
         t_rig_kinect: Isometry3<f64>,
         parameters: KinectParameters,
-    ) -> Result<Self, IntrinsicsError> {
+    ) -> Result<Self, ModelError> {
+        parameters.check()?;
         let stream = |what: &str| format!("kinect.{name}.{what}");
         Ok(Self {
             optics: optics::Optics::new(intrinsics)?,

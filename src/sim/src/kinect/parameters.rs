@@ -70,9 +70,70 @@ impl Default for KinectParameters {
     }
 }
 
+/// A parameter no device has.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{name} = {found}, expected {least} to {greatest}")]
+pub struct ParameterError {
+    /// Which one.
+    pub name: &'static str,
+    /// What was given.
+    pub found: f64,
+    /// The least that is taken.
+    pub least: f64,
+    /// The greatest that is taken.
+    pub greatest: f64,
+}
+
 impl KinectParameters {
+    /// Whether these can be simulated.
+    ///
+    /// # Errors
+    /// [`ParameterError`]: the first parameter that cannot.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        let parameters = [
+            ("law.step_per_m", self.law.step_per_m, 1e-4, 1e-1),
+            ("law.pole", self.law.pole, 500.0, 2_047.0),
+            ("baseline_m", self.baseline_m, 0.0, 0.2),
+            ("readout_s", self.readout_s, 0.0, 0.033),
+            ("depth_scale", self.depth_scale, 0.5, 2.0),
+            ("noise_share", self.noise_share, 0.0, 10.0),
+            ("warp_m", self.warp_m, 0.0, 0.1),
+            ("warp_cold_share", self.warp_cold_share, 0.0, 1.0),
+            ("warp_warm_up_s", self.warp_warm_up_s, 1.0, 1e6),
+            ("nearest_m", self.nearest_m, 0.25, 100.0),
+            ("farthest_m", self.farthest_m, self.nearest_m, 100.0),
+            ("incidence_from_deg", self.incidence_from_deg, 0.0, 90.0),
+            ("incidence_to_deg", self.incidence_to_deg, self.incidence_from_deg, 90.0),
+            ("dark_farthest_m", self.dark_farthest_m, 0.0, 100.0),
+            ("foil_incidence_deg", self.foil_incidence_deg, 0.0, 90.0),
+            ("foil_survival", self.foil_survival, 0.0, 1.0),
+            ("edge_px", self.edge_px, 0.0, 4.0),
+            ("flying_share", self.flying_share, 0.0, 1.0),
+        ];
+        let wrong = parameters.into_iter().find(|(_, found, least, greatest)| !(*least..=*greatest).contains(found));
+        match wrong {
+            Some((name, found, least, greatest)) => Err(ParameterError { name, found, least, greatest }),
+            None => Ok(()),
+        }
+    }
+
     /// The device without its faults: the law, its rounding and its shadows are left.
     pub fn ideal() -> Self {
         Self { noise_share: 0.0, warp_m: 0.0, edge_px: 0.0, flying_share: 0.0, ..Self::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impossible_parameters_are_named() {
+        let usual = KinectParameters::default();
+        assert_eq!(usual.check(), Ok(()));
+        assert_eq!(KinectParameters::ideal().check(), Ok(()));
+        let wrong = KinectParameters { incidence_to_deg: 60.0, ..usual }.check().unwrap_err();
+        assert_eq!(wrong.to_string(), "incidence_to_deg = 60, expected 70 to 90");
+        assert!(KinectParameters { edge_px: f64::NAN, ..usual }.check().is_err());
     }
 }
