@@ -69,15 +69,20 @@ pub(super) fn apart((w, facet): (f64, u32), (other_w, other): (f64, u32)) -> boo
     lit(facet) && (w - other_w).abs() > EDGE_SHARE * w.max(other_w)
 }
 
+/// A row: 1/z and triangle by pixel.
+type Row<'a> = (&'a [f64], &'a [u32]);
+
+fn pixels<'a>((depths, facets): Row<'a>) -> impl Iterator<Item = (f64, u32)> + 'a {
+    depths.iter().copied().zip(facets.iter().copied())
+}
+
 /// Marks the pixels of a row beyond which, to the right or below, the depth steps.
-pub(super) fn mark(depths: &[f64], facets: &[u32], below: Option<(&[f64], &[u32])>, steps: &mut [u8]) {
-    let pixels = || depths.iter().copied().zip(facets.iter().copied());
-    for ((step, here), right) in steps.iter_mut().zip(pixels()).zip(pixels().skip(1)) {
+pub(super) fn mark(row: Row<'_>, below: Option<Row<'_>>, steps: &mut [u8]) {
+    for ((step, here), right) in steps.iter_mut().zip(pixels(row)).zip(pixels(row).skip(1)) {
         *step = u8::from(apart(here, right));
     }
-    let Some((depths, facets)) = below else { return };
-    for ((step, here), under) in steps.iter_mut().zip(pixels()).zip(depths.iter().copied().zip(facets.iter().copied()))
-    {
+    let Some(below) = below else { return };
+    for ((step, here), under) in steps.iter_mut().zip(pixels(row)).zip(pixels(below)) {
         *step |= u8::from(apart(here, under));
     }
 }

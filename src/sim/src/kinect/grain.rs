@@ -18,7 +18,7 @@ const BEFORE_THE_FIT: f64 = 1.075;
 /// Pixels the window reaches to either side.
 pub(super) const REACH: usize = 2;
 /// Its taps: a Gaussian of 1.25 px, scaled so that the variance of what goes through stays.
-const WINDOW: [f32; 5] = [0.187_06, 0.488_55, 0.672_80, 0.488_55, 0.187_06];
+pub(super) const WINDOW: [f32; 5] = [0.187_06, 0.488_55, 0.672_80, 0.488_55, 0.187_06];
 
 /// Standard deviation before rounding at a depth, steps.
 pub(super) fn sigma(metres: f64) -> f64 {
@@ -51,7 +51,7 @@ impl SigmaTable {
     }
 }
 
-/// One row of white numbers through the window along the row. Through it down the columns goes [`down`].
+/// One row of white numbers through the window along the row. Down the columns they go through it when they are used.
 pub(super) fn along(seed: u64, name: &str, index: u64, v: usize, row: &mut [f32]) {
     let mut noise = Noise::new(seed, name, index.wrapping_mul(HEIGHT as u64).wrapping_add(v as u64));
     let mut white = [0.0_f32; WIDTH + 2 * REACH];
@@ -73,11 +73,6 @@ pub(super) fn nearly_normal(bits: u32) -> f32 {
     const SPREAD: f32 = 147.800_77;
     let sum: i32 = bits.to_le_bytes().iter().map(|byte| i32::from(*byte)).sum();
     (sum - 510) as f32 / SPREAD
-}
-
-/// The noise of a pixel: five rows' numbers in its column through the window.
-pub(super) fn down(column: [f32; 5]) -> f32 {
-    column.iter().zip(&WINDOW).map(|(number, tap)| number * tap).sum()
 }
 
 #[cfg(test)]

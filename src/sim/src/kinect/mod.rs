@@ -156,18 +156,19 @@ impl KinectModel {
             self.draw(raster::Band { first: band * BAND_ROWS, inverse_depth, facet }, &facets);
         });
 
+        let lit: Vec<bool> = facet.chunks(WIDTH).map(|row| row.iter().any(|facet| raster::lit(*facet))).collect();
+        let used = |v: usize| lit.get(v).is_some_and(|lit| *lit);
         let mut steps = vec![0_u8; PIXELS];
         let mut grain = vec![0.0_f32; PIXELS];
         let rows = steps.chunks_mut(WIDTH).zip(grain.chunks_mut(WIDTH)).enumerate();
         each(pool, rows.collect(), |(v, (steps, grain))| {
-            let (here, below) = (slice(&inverse_depth, v).zip(slice(&facet, v)), slice(&inverse_depth, v + 1));
-            if let Some((depths, numbers)) = here {
-                edges::mark(depths, numbers, below.zip(slice(&facet, v + 1)), steps);
+            let pixels = |v| slice(&inverse_depth, v).zip(slice(&facet, v));
+            if let Some(here) = pixels(v).filter(|_| used(v) || used(v + 1)) {
+                edges::mark(here, pixels(v + 1), steps);
             }
             // A row of noise is needed where one within the window's reach, or a strayed edge, may have data.
             let reach = grain::REACH + edges::REACH;
-            let about = v.saturating_sub(reach)..(v + reach + 1).min(HEIGHT);
-            if about.into_iter().any(|v| slice(&facet, v).is_some_and(|row| row.iter().any(|f| raster::lit(*f)))) {
+            if (v.saturating_sub(reach)..=v + reach).any(&used) {
                 grain::along(seed, &self.names.noise, index, v, grain);
             }
         });

@@ -51,11 +51,11 @@ impl Sensed<'_> {
         if near.iter().all(|near| *near == 0) && !facets.iter().any(|facet| lit(*facet)) {
             return;
         }
-        let grain = self.grain_rows(v);
+        let grain = self.grain_row(v);
         let (warp, law) = (self.warp.row(v), &self.parameters.law);
         let mut plane = (NOTHING, 0.0); // the last pixel's: mostly this one's too
-        let pixels = depths.iter().zip(facets).zip(&near).enumerate().take(USED);
-        for ((u, ((&w, &facet), &near)), code) in pixels.zip(codes) {
+        let pixels = depths.iter().zip(facets).zip(&near).zip(&grain).enumerate().take(USED);
+        for ((u, (((&w, &facet), &near), &noise)), code) in pixels.zip(codes) {
             let here = Surface { inverse_depth: w, facet };
             let surface = if near == 0 { here } else { self.strayed(u, v, here, chance) };
             let Some(facet) = lit(surface.facet).then(|| self.facets.get(surface.facet as usize)).flatten() else {
@@ -76,20 +76,24 @@ impl Sensed<'_> {
                 continue;
             }
             let metres = self.parameters.depth_scale * metres + warp.at(u);
-            let noise = f64::from(self.sigma.at(w) * grain::down(grain.map(|row| row.get(u).copied().unwrap_or(0.0))));
-            let disparity = (law.disparity(metres) + noise).round();
-            if (0.0..=GREATEST).contains(&disparity) {
-                *code = RawDisparity(disparity as u16);
+            // Rounded by cutting off half a step more: no call of a rounding function, which the loop would feel.
+            let code_and_half = law.disparity(metres) + f64::from(self.sigma.at(w) * noise) + 0.5;
+            if (0.0..GREATEST + 1.0).contains(&code_and_half) {
+                *code = RawDisparity(code_and_half as u16);
             }
         }
     }
 
-    /// The rows of noise about row `v`; at the border the nearest one again.
-    fn grain_rows(&self, v: usize) -> [&[f32]; 5] {
-        [0, 1, 2, 3, 4].map(|at| {
+    /// The noise of row `v`, standard deviation 1.
+    fn grain_row(&self, v: usize) -> [f32; WIDTH] {
+        let mut noise = [0.0_f32; WIDTH];
+        for (at, tap) in grain::WINDOW.iter().enumerate() {
+            // At the border the nearest row again.
             let row = (v + at).saturating_sub(grain::REACH).min(HEIGHT - 1);
-            self.grain.get(row * WIDTH..(row + 1) * WIDTH).unwrap_or_default()
-        })
+            let row = self.grain.get(row * WIDTH..(row + 1) * WIDTH).unwrap_or_default();
+            noise.iter_mut().zip(row).for_each(|(noise, along)| *noise += tap * along);
+        }
+        noise
     }
 
     /// What a pixel near an edge measures: the surface beside it where that strays over, in the pixel's own direction; now

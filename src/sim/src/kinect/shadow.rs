@@ -41,8 +41,8 @@ pub(super) fn cast(
             None => u as f64,
             Some([x, _]) => optics.fx * x + optics.cx,
         };
-        // As an index; a point too far out is at the border, where nothing else is.
-        ((column - parallax(w) + MARGIN as f64).round().max(0.0) as usize).min(WIDTH + 2 * MARGIN - 1)
+        // Rounded, as an index; a point too far out is at the border, where nothing else is.
+        ((column - parallax(w) + (MARGIN as f64 + 0.5)).max(0.0) as usize).min(WIDTH + 2 * MARGIN - 1)
     };
 
     columns.clear();
