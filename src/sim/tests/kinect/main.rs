@@ -3,4 +3,5 @@
 mod artefacts;
 mod noise;
 mod scenes;
+mod sight;
 mod stream;

@@ -60,3 +60,14 @@ fn an_empty_world_is_an_empty_frame() {
     let frame = kinect(KinectParameters::default()).frame(&World::default(), RigNs(0), 0, SEED);
     assert_eq!(frame.raw, RawImage::new());
 }
+
+#[test]
+fn two_devices_of_one_scene_do_not_share_their_noise() {
+    let device = |name| {
+        let camera = tumbled_kinect::Intrinsics::default();
+        let at_the_rig = nalgebra::Isometry3::identity();
+        tumbled_sim::kinect::KinectModel::new(name, &camera, at_the_rig, KinectParameters::default()).expect("a camera")
+    };
+    let raw = |name| device(name).frame(&world(), RigNs(0), 0, SEED).raw;
+    assert_ne!(raw("left"), raw("right"));
+}
