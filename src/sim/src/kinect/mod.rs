@@ -4,10 +4,10 @@
 //!  world ─ facets ─▶ raster ─▶ shadow ─▶ edges ─▶ dropout ─▶ warp ─▶ law + grain ─▶ rounding ─▶ codes
 //! ```
 //!
-//! * [`facets`], [`optics`], [`raster`]: the nearest triangle and its exact depth by pixel, row by row at its own time;
-//! * [`shadow`]: where the projector does not shine; [`edges`]: ragged edges and flying pixels;
-//! * [`dropout`]: range, incidence and material; [`warp`]: a smooth error of the depth;
-//! * [`law`], [`grain`]: depth to disparity, and its noise. Rounded is in disparity, as the device does.
+//! * `facets`, `optics`, `raster`: the nearest triangle and its exact depth by pixel, row by row at its own time;
+//! * `shadow`: where the projector does not shine; `edges`: ragged edges and flying pixels;
+//! * `dropout`: range, incidence and material; `warp`: a smooth error of the depth;
+//! * [`law`], `grain`: depth to disparity, and its noise; rounded in disparity, as the device does.
 //!
 //! Every random number belongs to the seed, the device's name, and a frame's index and row: frames may be made in any
 //! order, rows on any number of threads, and the bytes are the same.

@@ -20,7 +20,7 @@ pub(crate) fn plate(half_width: f64, half_height: f64, material: Material) -> Me
     }
 }
 
-/// A plate at `place`, turned about y (positive: its right side comes nearer... or farther, by the sign) and then x, degrees.
+/// A mesh at `place`, turned about y and then about x, degrees.
 pub(crate) fn placed(mesh: Mesh, place: [f64; 3], turn_x_deg: f64, turn_y_deg: f64, role: Role) -> Body {
     let turn = |axis: Vector3<f64>, deg: f64| nalgebra::UnitQuaternion::new(axis * deg.to_radians());
     let rotation = turn(Vector3::x(), turn_x_deg) * turn(Vector3::y(), turn_y_deg);
