@@ -8,7 +8,8 @@
 //! Pure and seeded: the same seed gives the same bytes on every machine and any number of threads. It encodes with the
 //! crates that decode, and shares no noise constant with the core.
 //!
-//! * [`shape`]: triangle meshes and materials; [`world`]: bodies in motion, and what a ray hits;
+//! * [`shape`]: triangle meshes and materials; [`target`]: the targets that come with it; [`world`]: bodies in motion,
+//!   and what a ray hits;
 //! * [`kinect`]: the depth camera's raw frames;
 //! * [`motion`]: where a body is at any instant; [`noise`]: random numbers by name and index.
 #![forbid(unsafe_code)]
@@ -18,4 +19,5 @@ pub mod kinect;
 pub mod motion;
 pub mod noise;
 pub mod shape;
+pub mod target;
 pub mod world;

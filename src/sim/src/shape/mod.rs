@@ -1,5 +1,9 @@
 //! Triangle meshes and what their surfaces are made of.
 
+#[cfg(test)]
+pub(crate) mod measure;
+pub mod solid;
+
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
