@@ -10,7 +10,10 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use std::hint::black_box;
 use std::sync::Arc;
 use tumbled_model::RigNs;
-use tumbled_sim::motion::Still;
+use tumbled_sim::motion::profile::Profile;
+use tumbled_sim::motion::tumble::Tumble;
+use tumbled_sim::motion::turntable::Turntable;
+use tumbled_sim::motion::{Motion, Still};
 use tumbled_sim::noise::Noise;
 use tumbled_sim::shape::{Material, Mesh, solid};
 use tumbled_sim::target::TargetKind;
@@ -82,10 +85,24 @@ fn cast(bencher: Bencher<'_, '_>, world: &World, rays: &[Ray]) {
         .bench(|| rays.iter().filter_map(|ray| snapshot.cast(black_box(ray), 0.4)).map(|hit| hit.range_m).sum::<f64>());
 }
 
-#[divan::bench]
-fn place_one_body(bencher: Bencher<'_, '_>) {
-    let world = world(false);
+#[divan::bench(args = ["still", "turntable", "tumble"])]
+fn place_one_body(bencher: Bencher<'_, '_>, kind: &str) {
+    let turning = Turntable {
+        axis: Vector3::z_axis(),
+        centre: Point3::new(2.0, 0.0, 0.0),
+        mount: Isometry3::identity(),
+        start_rad: 0.0,
+        profile: Profile::Constant { rate_rps: 0.35 },
+    };
+    let (inertia, rates) = (Vector3::new(1.0, 1.5, 2.0), Vector3::new(0.1, 0.05, 0.4));
+    let tumbling = Tumble::new(inertia, rates, Isometry3::identity(), Point3::origin()).expect("a body has these");
+    let motion: Arc<dyn Motion> = match kind {
+        "still" => Arc::new(Still(Isometry3::identity())),
+        "turntable" => Arc::new(turning),
+        _ => Arc::new(tumbling),
+    };
+    let world = World::new(vec![Body { role: Role::Target, mesh: Arc::new(TargetKind::BoxBus.mesh()), motion }]);
     bencher
         .counter(ItemsCount::new(1_000_usize))
-        .bench(|| (0..1_000).filter(|k| world.at(black_box(RigNs(*k))).spheres().next().is_some()).count());
+        .bench(|| (0..1_000).filter(|k| world.at(black_box(RigNs(*k * 55_296))).spheres().next().is_some()).count());
 }

@@ -11,6 +11,7 @@
 //! * [`shape`]: triangle meshes and materials; [`target`]: the targets that come with it; [`world`]: bodies in motion,
 //!   and what a ray hits;
 //! * [`kinect`]: the depth camera's raw frames;
+//! * [`room`]: floor, walls, stage, and a person who walks by;
 //! * [`motion`]: where a body is at any instant; [`noise`]: random numbers by name and index.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -18,6 +19,7 @@
 pub mod kinect;
 pub mod motion;
 pub mod noise;
+pub mod room;
 pub mod shape;
 pub mod target;
 pub mod world;
