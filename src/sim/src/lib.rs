@@ -12,7 +12,8 @@
 //!   and what a ray hits;
 //! * [`kinect`]: the depth camera's raw frames;
 //! * [`room`]: floor, walls, stage, and a person who walks by;
-//! * [`motion`]: where a body is at any instant; [`noise`]: random numbers by name and index.
+//! * [`motion`]: where a body is at any instant; [`noise`]: random numbers by name and index;
+//! * [`turntable`]: the stage and the bytes on its serial line.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
@@ -22,4 +23,5 @@ pub mod noise;
 pub mod room;
 pub mod shape;
 pub mod target;
+pub mod turntable;
 pub mod world;
