@@ -30,7 +30,7 @@ fn scripted(motion: StageMotion, faults: Vec<StageFault>) -> Stage {
 }
 
 fn settings() -> EmulatorSettings {
-    EmulatorSettings::usual(1).expect("a turn has counts")
+    EmulatorSettings::usual(1)
 }
 
 fn session(seconds: f64) -> LineLogSettings {
@@ -237,6 +237,7 @@ fn it_answers_everything_that_can_be_asked_and_refuses_as_a_device_does() {
     assert_eq!(why(&mut emulator, b"/1 1 7 get device.id\n"), Some(Some(Rejection::DeviceOnly)));
     assert_eq!(why(&mut emulator, b"/1 1 7 get nothing\n"), Some(Some(Rejection::BadCommand)));
     assert_eq!(why(&mut emulator, b"/1 1 7 move vel 999999999\n"), Some(Some(Rejection::BadData)));
+    assert_eq!(why(&mut emulator, b"/1 1 7 move abs 2147483648\n"), Some(Some(Rejection::BadData)));
     assert_eq!(why(&mut emulator, b"/\n"), Some(None), "everybody's status");
     assert_eq!(why(&mut emulator, b"/2 1 7 home\n"), None, "another device's");
     assert_eq!(why(&mut emulator, b"/1 1 9 home:5D\n"), None, "a wrong checksum");

@@ -88,7 +88,7 @@ impl CommandedStage {
         let way = to_rad - self.table(t).angle_rad;
         self.spin(t, if way < 0.0 { -self.fastest_rps } else { self.fastest_rps });
         let duration = Span((way.abs() / self.fastest_rps * 1e9).round() as i64);
-        self.end = Some((self.since + duration, to_rad));
+        self.end = Some((RigNs(self.since.0.saturating_add(duration.0)), to_rad));
         self.settle(t);
     }
 

@@ -40,16 +40,17 @@ pub struct EmulatorSettings {
 
 impl EmulatorSettings {
     /// Device 1, axis 1, 768 000 counts a turn (a stage that is common in laboratories), firmware 7.29, no noise.
-    pub fn usual(seed: u64) -> Option<Self> {
-        Some(Self {
+    pub fn usual(seed: u64) -> Self {
+        const SCALE: Scale = Scale::new(768_000, 1).expect("a turn has counts");
+        Self {
             axis: Address { device: 1, axis: 1 },
-            scale: Scale::new(768_000, 1)?,
+            scale: SCALE,
             device_id: 50_919,
             serial: 1_000_000,
             firmware: (7, 29),
             noise_counts: 0.0,
             seed,
-        })
+        }
     }
 }
 
@@ -177,6 +178,10 @@ impl ZaberEmulator {
                 let Stage::Commanded(stage) = &mut self.stage else { return Err(Rejection::StatusBusy) };
                 match command {
                     Command::Home => stage.home(t),
+                    // Positions of a device have 32 bits.
+                    Command::MoveAbs(counts) | Command::MoveRel(counts) if i32::try_from(counts).is_err() => {
+                        return Err(Rejection::BadData);
+                    }
                     Command::MoveAbs(counts) => stage.move_to(t, scale.angle_rad(counts)),
                     Command::MoveRel(counts) => {
                         let from = stage.counted(t).angle_rad;
