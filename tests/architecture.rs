@@ -26,8 +26,10 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("freenect-sys", &[]),
 ];
 
-/// What a crate's tests may import besides: the solvers are tried on encoded measurements.
-const TEST_ARROWS: &[(&str, &[&str])] = &[("tumbled-calib", &["tumbled-velodyne", "tumbled-kinect"])];
+/// What a crate's tests may import besides: the solvers are tried on encoded measurements, the simulated clocks with the
+/// mapper that has to follow them.
+const TEST_ARROWS: &[(&str, &[&str])] =
+    &[("tumbled-calib", &["tumbled-velodyne", "tumbled-kinect"]), ("tumbled-sim", &["tumbled-core"])];
 
 /// Crates without clock, file, socket, thread or `unsafe`.
 const PURE: &[&str] = &[

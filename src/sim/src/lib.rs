@@ -8,16 +8,22 @@
 //! Pure and seeded: the same seed gives the same bytes on every machine and any number of threads. It encodes with the
 //! crates that decode, and shares no noise constant with the core.
 //!
-//! * [`shape`]: triangle meshes and materials; [`target`]: the targets that come with it; [`world`]: bodies in motion,
-//!   and what a ray hits;
-//! * [`kinect`]: the depth camera's raw frames;
+//! * [`shape`]: triangle meshes and materials;
+//! * [`target`]: the targets that come with it;
 //! * [`room`]: floor, walls, stage, and a person who walks by;
-//! * [`motion`]: where a body is at any instant; [`noise`]: random numbers by name and index;
-//! * [`turntable`]: the stage and the bytes on its serial line.
+//! * [`world`]: bodies in motion, and what a ray hits;
+//! * [`motion`]: where a body is at any instant;
+//! * [`noise`]: random numbers by name and index;
+//! * [`lidar`]: Velodynes that send packets;
+//! * [`kinect`]: depth cameras that send raw frames;
+//! * [`turntable`]: the stage and the bytes on its serial line;
+//! * [`clock`]: what a sensor's counter says at a true instant.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
+pub mod clock;
 pub mod kinect;
+pub mod lidar;
 pub mod motion;
 pub mod noise;
 pub mod room;
