@@ -17,7 +17,8 @@
 //! * [`lidar`]: Velodynes that send packets;
 //! * [`kinect`]: depth cameras that send raw frames;
 //! * [`turntable`]: the stage and the bytes on its serial line;
-//! * [`clock`]: what a sensor's counter says at a true instant.
+//! * [`clock`]: what a sensor's counter says at a true instant;
+//! * [`transport`]: when what was sent is there.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
@@ -29,5 +30,6 @@ pub mod noise;
 pub mod room;
 pub mod shape;
 pub mod target;
+pub mod transport;
 pub mod turntable;
 pub mod world;
