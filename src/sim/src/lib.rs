@@ -18,11 +18,13 @@
 //! * [`kinect`]: depth cameras that send raw frames;
 //! * [`turntable`]: the stage and the bytes on its serial line;
 //! * [`clock`]: what a sensor's counter says at a true instant;
-//! * [`transport`]: when what was sent is there.
+//! * [`transport`]: when what was sent is there;
+//! * [`faults`]: what goes wrong, by a script.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
 pub mod clock;
+pub mod faults;
 pub mod kinect;
 pub mod lidar;
 pub mod motion;
