@@ -19,7 +19,9 @@
 //! * [`turntable`]: the stage and the bytes on its serial line;
 //! * [`clock`]: what a sensor's counter says at a true instant;
 //! * [`transport`]: when what was sent is there;
-//! * [`faults`]: what goes wrong, by a script.
+//! * [`faults`]: what goes wrong, by a script;
+//! * [`scene`]: what is simulated, as a file says it;
+//! * [`session`]: everything the sensors send, in the order the host has it.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
@@ -30,6 +32,8 @@ pub mod lidar;
 pub mod motion;
 pub mod noise;
 pub mod room;
+pub mod scene;
+pub mod session;
 pub mod shape;
 pub mod target;
 pub mod transport;

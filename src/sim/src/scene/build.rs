@@ -1,0 +1,279 @@
+//! From a scene's keys to bodies, sensors and lines.
+
+use super::config::{SceneConfig, SceneKinect, SceneLidar, SceneMotion, SceneProfile, Transform};
+use crate::clock::SimClock;
+use crate::kinect::{KinectModel, ModelError};
+use crate::lidar::{Head, LidarConfig, LidarError, LidarModel};
+use crate::motion::orbit::ClohessyWiltshire;
+use crate::motion::path::Walk;
+use crate::motion::profile::Profile;
+use crate::motion::tumble::{Tumble, TumbleError};
+use crate::motion::turntable::Turntable;
+use crate::motion::{Motion, Still, Superposed};
+use crate::noise::Noise;
+use crate::room::{self, Room};
+use crate::world::{Body, Role, World};
+use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+use std::sync::Arc;
+use thiserror::Error;
+use tumbled_kinect::Intrinsics;
+use tumbled_model::{RigNs, SensorId, Span, UnixNs};
+use tumbled_velodyne::{Model, ReturnMode};
+
+/// Why a scene cannot be built.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// A word that names nothing.
+    #[error("{key} is {found:?}: expected one of {expected}")]
+    Word {
+        /// The key.
+        key: String,
+        /// What it says.
+        found: String,
+        /// What it may say.
+        expected: &'static str,
+    },
+    /// A number out of range.
+    #[error("{key} is {found}: expected {expected}")]
+    Number {
+        /// The key.
+        key: &'static str,
+        /// What it says.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// A tumble that cannot be.
+    #[error("motion: {0}")]
+    Tumble(#[from] TumbleError),
+    /// A LiDAR that cannot be.
+    #[error("lidar {id}: {error}")]
+    Lidar {
+        /// Which.
+        id: String,
+        /// Why.
+        error: LidarError,
+    },
+    /// A Kinect that cannot be.
+    #[error("kinect {id}: {error}")]
+    Kinect {
+        /// Which.
+        id: String,
+        /// Why.
+        error: ModelError,
+    },
+}
+
+/// A Kinect of a scene.
+#[derive(Clone, Debug)]
+pub struct KinectUnit {
+    /// Its name.
+    pub id: SensorId,
+    /// The device.
+    pub model: KinectModel,
+    /// Its clock.
+    pub clock: SimClock,
+    /// From a frame's middle to the instant it leaves.
+    pub latency: Span,
+}
+
+/// A LiDAR of a scene.
+#[derive(Clone, Debug)]
+pub struct LidarUnit {
+    /// Its name.
+    pub id: SensorId,
+    /// The device.
+    pub model: LidarModel,
+}
+
+/// A scene, ready to be simulated.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The keys it was built from.
+    pub config: SceneConfig,
+    /// What there is to see.
+    pub world: World,
+    /// The LiDARs.
+    pub lidars: Vec<LidarUnit>,
+    /// The Kinects.
+    pub kinects: Vec<KinectUnit>,
+}
+
+impl Scene {
+    /// Builds a scene.
+    ///
+    /// # Errors
+    /// [`SceneError`]: keys that describe no scene.
+    pub fn build(config: SceneConfig) -> Result<Self, SceneError> {
+        let in_range = config.duration_s.is_finite() && config.duration_s > 0.0 && config.duration_s <= 1e6;
+        if !in_range {
+            let expected = "more than 0 s, at most 1e6 s";
+            return Err(SceneError::Number { key: "duration_s", found: config.duration_s, expected });
+        }
+        let lidars = config.lidar.iter().map(|lidar| lidar_unit(lidar, &config)).collect::<Result<_, _>>()?;
+        let kinects = config.kinect.iter().map(kinect_unit).collect::<Result<_, _>>()?;
+        let world = World::new(bodies(&config)?);
+        Ok(Self { config, world, lidars, kinects })
+    }
+
+    /// How long it lasts.
+    pub fn duration(&self) -> Span {
+        span(self.config.duration_s)
+    }
+
+    /// Wall time at its start.
+    pub fn unix_at_zero(&self) -> UnixNs {
+        UnixNs(self.config.unix_ns_at_zero)
+    }
+
+    /// A mounting as an operator would have it: the truth, turned and moved by what a calibration leaves.
+    pub fn operators_mounting(&self, sensor: &str, truth: &Transform) -> Transform {
+        let errors = self.config.operator;
+        let mut noise = Noise::new(self.config.seed, &format!("operator.{sensor}"), 0);
+        let mut vector = |sigma: f64| Vector3::from_fn(|_, _| noise.normal() * sigma);
+        // The standard deviations are of the whole: a third of the variance for each axis.
+        let share = 1.0 / 3f64.sqrt();
+        let turned = UnitQuaternion::from_scaled_axis(vector(errors.rotation_deg.to_radians() * share));
+        let moved = Translation3::from(vector(errors.translation_m * share));
+        let truth = truth.isometry();
+        let off = Isometry3::from_parts(
+            Translation3::from(moved.vector + truth.translation.vector),
+            turned * truth.rotation,
+        );
+        Transform::from(&off)
+    }
+
+    /// A time offset as an operator would have it, s: the truth and what a calibration leaves.
+    pub fn operators_time_s(&self, sensor: &str, truth_s: f64) -> f64 {
+        truth_s + Noise::new(self.config.seed, &format!("operator.{sensor}.time"), 0).normal() * self.config.operator.time_s
+    }
+}
+
+fn bodies(config: &SceneConfig) -> Result<Vec<Body>, SceneError> {
+    let mesh = Arc::new(config.target.shape.mesh());
+    let mut bodies = vec![Body { role: Role::Target, mesh, motion: motion(&config.motion)? }];
+    if let Some(room) = config.room {
+        bodies.push(Room { floor: Point3::from(room.floor_m), size_m: Vector3::from(room.size_m) }.body());
+        if let (Some(radius), SceneMotion::Turntable { center_m, .. }) = (room.stage_radius_m, &config.motion) {
+            bodies.push(room::stage(Point3::from(*center_m), radius, room.floor_m[2]));
+        }
+    }
+    if let Some(walk) = &config.intruder {
+        let points: Vec<Point3<f64>> = walk.points_m.iter().map(|point| Point3::from(*point)).collect();
+        let begins = RigNs(span(walk.begins_s).0);
+        bodies.push(room::person(Arc::new(Walk::new(&points, walk.speed_mps, begins))));
+    }
+    Ok(bodies)
+}
+
+fn motion(config: &SceneMotion) -> Result<Arc<dyn Motion>, SceneError> {
+    Ok(match config {
+        SceneMotion::Still { pose } => Arc::new(Still(pose.isometry())),
+        SceneMotion::Turntable { axis, center_m, mount, profile } => {
+            let vector = Vector3::from(*axis);
+            let expected = "an axis of a length above 0";
+            let axis = Unit::try_new(vector, 0.0).ok_or(SceneError::Number {
+                key: "motion.axis",
+                found: vector.norm(),
+                expected,
+            })?;
+            let (centre, mount, profile) = (Point3::from(*center_m), mount.isometry(), profile_of(profile));
+            Arc::new(Turntable { axis, centre, mount, start_rad: 0.0, profile })
+        }
+        SceneMotion::Tumble { inertia, rates_dps, start, mean_motion_rps, velocity_mps } => {
+            let start = start.isometry();
+            let rates = Vector3::from(*rates_dps).map(f64::to_radians);
+            let turning = Isometry3::from_parts(Translation3::identity(), start.rotation);
+            let attitude = Tumble::new(Vector3::from(*inertia), rates, turning, Point3::origin())?;
+            let path = ClohessyWiltshire {
+                t_rig_hill: Isometry3::from_parts(start.translation, UnitQuaternion::identity()),
+                mean_motion_rps: *mean_motion_rps,
+                position_m: Vector3::zeros(),
+                velocity_mps: Vector3::from(*velocity_mps),
+            };
+            Arc::new(Superposed { path: Arc::new(path), attitude: Arc::new(attitude) })
+        }
+    })
+}
+
+fn profile_of(profile: &SceneProfile) -> Profile {
+    match *profile {
+        SceneProfile::Constant { rate_dps } => Profile::Constant { rate_rps: rate_dps.to_radians() },
+        SceneProfile::Ramp { from_dps, to_dps, begins_s, lasts_s } => Profile::Ramp {
+            from_rps: from_dps.to_radians(),
+            to_rps: to_dps.to_radians(),
+            begins: RigNs(span(begins_s).0),
+            lasts: span(lasts_s),
+        },
+        SceneProfile::StopAndGo { rate_dps, stop_s, go_s, ramp_s } => Profile::StopAndGo {
+            rate_rps: rate_dps.to_radians(),
+            stop: span(stop_s),
+            go: span(go_s),
+            ramp: span(ramp_s),
+        },
+        SceneProfile::Steps { step_deg, rest_s, move_s, ramp_s, count } => Profile::Steps {
+            step_rad: step_deg.to_radians(),
+            rest: span(rest_s),
+            moving: span(move_s),
+            ramp: span(ramp_s),
+            count,
+        },
+        SceneProfile::Sinusoid { mean_dps, amplitude_deg, period_s } => Profile::Sinusoid {
+            mean_rps: mean_dps.to_radians(),
+            amplitude_rad: amplitude_deg.to_radians(),
+            period: span(period_s),
+        },
+    }
+}
+
+fn lidar_unit(lidar: &SceneLidar, scene: &SceneConfig) -> Result<LidarUnit, SceneError> {
+    let failed = |error| SceneError::Lidar { id: lidar.id.clone(), error };
+    let word = |key: &str, found: &str, expected| SceneError::Word {
+        key: format!("lidar.{}.{key}", lidar.id),
+        found: found.to_owned(),
+        expected,
+    };
+    let head = match lidar.model.as_str() {
+        "vlp-32c" => Head::BuiltIn(Model::Vlp32c),
+        "vlp-16" => Head::BuiltIn(Model::Vlp16),
+        other => return Err(word("model", other, "vlp-32c, vlp-16")),
+    };
+    let mode = match lidar.returns.as_str() {
+        "strongest" => ReturnMode::Strongest,
+        "last" => ReturnMode::Last,
+        "dual" => ReturnMode::Dual,
+        other => return Err(word("returns", other, "strongest, last, dual")),
+    };
+    let config = LidarConfig {
+        id: lidar.id.clone(),
+        head,
+        mode,
+        rpm: lidar.rpm,
+        start_azimuth_deg: 0.0,
+        view: lidar.view,
+        vertical_offsets: None,
+        t_rig_lidar: lidar.t_rig_lidar.isometry(),
+        clock: lidar.clock.clone(),
+        gps: lidar.gps,
+        // A hundred a second would be as real and tell nothing more.
+        position_every: Span(100_000_000),
+        unix_at_zero: UnixNs(scene.unix_ns_at_zero),
+        parameters: lidar.parameters,
+    };
+    let model = LidarModel::new(config).map_err(failed)?;
+    Ok(LidarUnit { id: SensorId::from(lidar.id.as_str()), model })
+}
+
+fn kinect_unit(kinect: &SceneKinect) -> Result<KinectUnit, SceneError> {
+    let mounting = kinect.t_rig_kinect.isometry();
+    let model = KinectModel::new(&kinect.id, &Intrinsics::default(), mounting, kinect.parameters)
+        .map_err(|error| SceneError::Kinect { id: kinect.id.clone(), error })?;
+    let id = SensorId::from(kinect.id.as_str());
+    Ok(KinectUnit { id, model, clock: kinect.clock.clone(), latency: span(kinect.latency_s) })
+}
+
+/// Seconds as a span, to the nanosecond; what is no number is none.
+fn span(seconds: f64) -> Span {
+    Span(libm::round(seconds * 1e9) as i64)
+}
