@@ -22,6 +22,7 @@ mod replay_killed;
 mod rig_files;
 mod run_cli;
 mod schemas;
+mod simulated;
 mod soak;
 mod stalls;
 mod status_cli;

@@ -16,4 +16,5 @@ pub mod foxglove;
 pub mod quantity;
 pub mod schema;
 pub mod session;
+pub mod simulation;
 pub mod stream;

@@ -64,7 +64,8 @@ pub struct ImportReport {
 /// Exit code 2: an input that cannot be used, an output that is there. 1: an output that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     refuse_input_as_output(&args.output, &args.input.inputs)?;
-    let loaded = args.input.config.load()?;
+    // A recording alone is copied with its own config, which need not be understood for that.
+    let loaded = if args.input.is_scene() { args.input.load()? } else { args.input.config.load()? };
     let mut inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config)?;
     let header = header(&inputs, &args.input.inputs, &loaded)?;
     let mut recorder = create(&args.output, header.clone(), args.force)?;
@@ -130,6 +131,17 @@ pub(crate) fn create_with(path: &Path, header: RecordingHeader, options: Recorde
 pub(super) fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<RecordingHeader, Failure> {
     if let Some(header) = inputs.recording() {
         return Ok(header.clone());
+    }
+    if let Some(scene) = inputs.scene() {
+        return Ok(RecordingHeader {
+            session: format!("sim-{}-{}", scene.config.name, scene.config.seed),
+            origin: Origin::Simulated,
+            program: VERSION.to_owned(),
+            unix_at_zero: scene.unix_at_zero(),
+            config: show::text(&loaded.tree, false),
+            files: loaded.config.attachments(),
+            ..RecordingHeader::default()
+        });
     }
     let digest = |path: &PathBuf| {
         digest_of(path).map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))

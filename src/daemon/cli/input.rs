@@ -1,12 +1,15 @@
 //! Arguments that several commands share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tumbled_io::capture;
+use tumbled_io::recording::RecordingHeader;
+use tumbled_sim::scene::Scene;
 
 use super::{Failure, render};
 use crate::config::{self, Loaded, Recorded};
+use crate::simulation::{rig, scene_of, scenes};
 
 /// Where the config comes from.
 #[derive(Clone, Debug, Default, Args)]
@@ -38,12 +41,32 @@ impl InputArgs {
     /// # Errors
     /// [`Failure::Config`] with every problem.
     pub fn load(&self) -> Result<Loaded, Failure> {
+        if let (None, [input]) = (&self.config.config, self.inputs.as_slice())
+            && let Some(name) = scene_of(input)
+        {
+            return self.load_operators(input, &scenes::load(name)?);
+        }
         let lone = if self.config.config.is_none() { capture::lone_recording(&self.inputs) } else { None };
         let (Some(header), Some(path)) = (lone, self.inputs.first()) else { return self.config.load() };
         let recorded = Recorded { path: path.clone(), header };
         let loaded = config::load_recorded(recorded, &self.config.settings)?;
         loaded.warnings.iter().for_each(render::warning);
         Ok(loaded)
+    }
+}
+
+impl InputArgs {
+    /// Whether a simulated scene is read.
+    pub fn is_scene(&self) -> bool {
+        self.inputs.iter().any(|input| scene_of(input).is_some())
+    }
+
+    /// What an operator of a simulated rig would have.
+    fn load_operators(&self, input: &Path, scene: &Scene) -> Result<Loaded, Failure> {
+        let config = rig::toml(scene, rig::View::Operator);
+        let header = RecordingHeader { config, ..RecordingHeader::default() };
+        let recorded = Recorded { path: input.to_owned(), header };
+        Ok(config::load_recorded(recorded, &self.config.settings)?)
     }
 }
 

@@ -250,6 +250,9 @@ fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<Recordi
 
 /// What the data are for those who see them now: never live.
 pub(super) fn origin(inputs: &Inputs) -> StreamOrigin {
+    if inputs.scene().is_some() {
+        return StreamOrigin::Simulated;
+    }
     let mut origins = inputs.captures().filter_map(|capture| capture.recording().map(|header| header.origin));
     if origins.any(|origin| origin == Origin::Simulated) { StreamOrigin::Simulated } else { StreamOrigin::Replay }
 }

@@ -11,9 +11,11 @@ use tumbled_io::capture::{
 };
 use tumbled_io::recording::RecordingHeader;
 use tumbled_model::{Event, SensorId, UnixNs};
+use tumbled_sim::scene::Scene;
 
 use crate::cli::{Failure, InputArgs};
 use crate::config::Config;
+use crate::simulation::{SCHEME, SimulatedLedger, scene_of, scenes};
 
 /// Events shown as progress between two redraws of the bar.
 const TICK_EVENTS: u64 = 256;
@@ -32,13 +34,17 @@ enum Events {
     Data(Merged),
     /// A ledger: with ticks and anchors, recorded or made.
     Ledger(Heartbeat),
+    /// A simulated session, a ledger too.
+    Simulated(SimulatedLedger),
 }
 
 impl Events {
-    fn merged(&self) -> &Merged {
+    /// The captures; `None`: a simulation has none.
+    fn merged(&self) -> Option<&Merged> {
         match self {
-            Self::Data(merged) => merged,
-            Self::Ledger(heartbeat) => heartbeat.merged(),
+            Self::Data(merged) => Some(merged),
+            Self::Ledger(heartbeat) => Some(heartbeat.merged()),
+            Self::Simulated(_) => None,
         }
     }
 }
@@ -56,6 +62,17 @@ pub fn routing(config: &Config) -> Routing {
     Routing { lidars: config.lidars.iter().map(lidar).collect(), kinects: config.kinects.iter().map(kinect).collect() }
 }
 
+/// The simulation that the inputs name; `None`: they are captures. A scene has its own wall time, and is simulated alone.
+fn simulated<P: AsRef<Path>>(inputs: &[P]) -> Result<Option<SimulatedLedger>, Failure> {
+    let Some(name) = inputs.iter().find_map(|input| scene_of(input.as_ref())) else { return Ok(None) };
+    if inputs.len() > 1 {
+        return Err(Failure::input(format!(
+            "{SCHEME}{name} is simulated alone: it cannot be merged with other inputs"
+        )));
+    }
+    Ok(Some(SimulatedLedger::new(scenes::load(name)?, None)))
+}
+
 fn merge<P: AsRef<Path>>(inputs: &[P], config: &Config) -> Result<Merged, Failure> {
     refuse_twice(inputs)?;
     let captures = capture::open_all(inputs, &routing(config)).map_err(Failure::input)?;
@@ -68,7 +85,11 @@ impl Inputs {
     /// # Errors
     /// An input that cannot be read, is none, or is given twice: exit code 2.
     pub fn open(args: &InputArgs, config: &Config) -> Result<Self, Failure> {
-        Ok(Self::start(Events::Data(merge(&args.inputs, config)?), config))
+        let events = match simulated(&args.inputs)? {
+            Some(ledger) => Events::Simulated(ledger),
+            None => Events::Data(merge(&args.inputs, config)?),
+        };
+        Ok(Self::start(events, config))
     }
 
     /// The same as a whole ledger: foreign captures get ticks and anchors, a recording alone has its own.
@@ -76,7 +97,11 @@ impl Inputs {
     /// # Errors
     /// An input that cannot be read, is none, or is given twice: exit code 2.
     pub fn open_ledger<P: AsRef<Path>>(inputs: &[P], config: &Config) -> Result<Self, Failure> {
-        Ok(Self::start(Events::Ledger(Heartbeat::new(merge(inputs, config)?)), config))
+        let events = match simulated(inputs)? {
+            Some(ledger) => Events::Simulated(ledger),
+            None => Events::Ledger(Heartbeat::new(merge(inputs, config)?)),
+        };
+        Ok(Self::start(events, config))
     }
 
     fn start(events: Events, config: &Config) -> Self {
@@ -91,7 +116,10 @@ impl Inputs {
 
     /// The wall time at `t_ns` 0: the earliest host stamp over all inputs.
     pub fn epoch(&self) -> Option<UnixNs> {
-        self.events.merged().epoch()
+        match &self.events {
+            Events::Simulated(ledger) => Some(ledger.scene().unix_at_zero()),
+            other => other.merged()?.epoch(),
+        }
     }
 
     /// The next event.
@@ -102,6 +130,7 @@ impl Inputs {
         let next = match &mut self.events {
             Events::Data(merged) => merged.next(),
             Events::Ledger(heartbeat) => heartbeat.next(),
+            Events::Simulated(ledger) => ledger.next().map(Ok),
         };
         let Some(event) = next else {
             self.progress.finish_and_clear();
@@ -116,18 +145,30 @@ impl Inputs {
 
     /// The inputs and what they held, in the order they were given. Complete after the last event.
     pub fn captures(&self) -> impl Iterator<Item = &Capture> {
-        self.events.merged().captures()
+        self.events.merged().into_iter().flat_map(Merged::captures)
     }
 
     /// What the recording says of itself, when the inputs are one recording and nothing else.
     pub fn recording(&self) -> Option<&RecordingHeader> {
-        let merged = self.events.merged();
+        let merged = self.events.merged()?;
         merged.captures().next().filter(|_| merged.is_ledger())?.recording()
+    }
+
+    /// The scene, when the input is a simulation.
+    pub fn scene(&self) -> Option<&Scene> {
+        match &self.events {
+            Events::Simulated(ledger) => Some(ledger.scene()),
+            Events::Data(_) | Events::Ledger(_) => None,
+        }
+    }
+
+    fn summaries(&self) -> impl Iterator<Item = &CaptureSummary> {
+        self.events.merged().into_iter().flat_map(Merged::summaries)
     }
 
     /// Whether the host stamps are real and not numbered at 30 Hz; inputs of both kinds are never merged.
     pub fn have_host_times(&self) -> bool {
-        self.events.merged().summaries().all(|summary| summary.stamp_origin != StampOrigin::Synthetic)
+        self.summaries().all(|summary| summary.stamp_origin != StampOrigin::Synthetic)
     }
 
     /// What a person should know about the inputs: damage, sensors that are mixed up, and what to change when a LiDAR
@@ -191,7 +232,7 @@ impl Inputs {
     /// A warning when data packets of more than one sender, over all inputs, were taken for this LiDAR's.
     pub fn mixed_sources(&self, lidar: &SensorId) -> Option<String> {
         let mut senders: BTreeMap<IpAddr, u64> = BTreeMap::new();
-        for (address, packets) in self.events.merged().summaries().filter_map(|s| s.data_sources.get(lidar)).flatten() {
+        for (address, packets) in self.summaries().filter_map(|s| s.data_sources.get(lidar)).flatten() {
             *senders.entry(*address).or_default() += packets;
         }
         // The busiest is the likeliest to be meant; of equals the lowest address.
@@ -210,7 +251,7 @@ impl Inputs {
 
     /// Whether something in the inputs could not be delivered.
     pub fn data_lost(&self) -> bool {
-        self.events.merged().summaries().any(CaptureSummary::data_lost)
+        self.summaries().any(CaptureSummary::data_lost)
     }
 }
 

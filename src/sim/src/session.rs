@@ -7,8 +7,8 @@ use crate::scene::Scene;
 use crate::transport::{Line, Transport};
 use bytes::Bytes;
 use rayon::prelude::*;
-use std::collections::BinaryHeap;
 use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::sync::Arc;
 use tumbled_model::{Body, DepthEncoding, PacketMask, RigNs, Span};
 

@@ -137,16 +137,15 @@ impl Scene {
         let turned = UnitQuaternion::from_scaled_axis(vector(errors.rotation_deg.to_radians() * share));
         let moved = Translation3::from(vector(errors.translation_m * share));
         let truth = truth.isometry();
-        let off = Isometry3::from_parts(
-            Translation3::from(moved.vector + truth.translation.vector),
-            turned * truth.rotation,
-        );
+        let off =
+            Isometry3::from_parts(Translation3::from(moved.vector + truth.translation.vector), turned * truth.rotation);
         Transform::from(&off)
     }
 
     /// A time offset as an operator would have it, s: the truth and what a calibration leaves.
     pub fn operators_time_s(&self, sensor: &str, truth_s: f64) -> f64 {
-        truth_s + Noise::new(self.config.seed, &format!("operator.{sensor}.time"), 0).normal() * self.config.operator.time_s
+        truth_s
+            + Noise::new(self.config.seed, &format!("operator.{sensor}.time"), 0).normal() * self.config.operator.time_s
     }
 }
 

@@ -1,0 +1,12 @@
+//! Simulated rigs: scene files, and what an operator of such a rig would have.
+//!
+//! * [`scenes`]: scenes by name or file;
+//! * [`rig`]: the config of a simulated rig, as an operator would have it and as it is;
+//! * [`ledger`]: a simulated session as a ledger.
+
+pub mod ledger;
+pub mod rig;
+pub mod scenes;
+
+pub use ledger::SimulatedLedger;
+pub use scenes::{SCHEME, scene_of};

@@ -1,0 +1,53 @@
+//! Scenes by name or file.
+
+use std::path::Path;
+
+use tumbled_sim::scene::{Scene, SceneConfig};
+
+use crate::cli::Failure;
+
+/// What an input that is a scene begins with: `sim:demo`.
+pub const SCHEME: &str = "sim:";
+
+/// The scenes that come with the program: name and text.
+const SCENES: [(&str, &str); 3] = [
+    ("demo", include_str!("../../../config/scenes/demo.toml")),
+    ("tumble", include_str!("../../../config/scenes/tumble.toml")),
+    ("turntable-20dps", include_str!("../../../config/scenes/turntable-20dps.toml")),
+];
+
+/// The scene an input names; `None`: it is no scene.
+pub fn scene_of(input: &Path) -> Option<&str> {
+    input.to_str()?.strip_prefix(SCHEME)
+}
+
+/// Loads and builds a scene: one that comes with the program, or a file of one's own.
+///
+/// # Errors
+/// A name that is none, a file that is no scene: exit code 2.
+pub fn load(name: &str) -> Result<Scene, Failure> {
+    let of_program = SCENES.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned());
+    let text = match of_program {
+        Some(text) => text,
+        None => std::fs::read_to_string(name).map_err(|error| {
+            let known: Vec<&str> = SCENES.iter().map(|(name, _)| *name).collect();
+            Failure::input(format!("there is no scene `{name}`, and no file of that name can be read: {error}"))
+                .with_help(format!("the program's own scenes are {}", known.join(", ")))
+        })?,
+    };
+    let config: SceneConfig =
+        toml::from_str(&text).map_err(|error| Failure::input(format!("the scene {name}: {error}")))?;
+    Scene::build(config).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scene_of_the_program_can_be_built_under_its_own_name() {
+        for (name, _) in SCENES {
+            assert_eq!(load(name).expect("a scene").config.name, name);
+        }
+    }
+}
