@@ -3,6 +3,22 @@
 //! Works on simulated streams and on recorded ledgers alike: it sees events and nothing else. Every chance is drawn from a
 //! stream of its own for each fault and sensor, so that the same script does the same to a sensor however the others'
 //! events lie between. Events come out in the order of their arrival as far as they came in so, numbered anew.
+//!
+//! ```toml
+//! seed = 7
+//!
+//! [[fault]]
+//! sensor = "front"
+//! from_s = 10.0
+//! until_s = 20.0
+//! action.loss.probability = 0.02
+//!
+//! [[fault]]
+//! sensor = "left"
+//! from_s = 30.0
+//! until_s = 33.0
+//! action = "unplug"
+//! ```
 
 mod alter;
 mod script;

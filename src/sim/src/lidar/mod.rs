@@ -11,160 +11,36 @@
 //! that matter). Features narrower than the footprint's rays stand apart (about 1 mrad) can fall between them.
 
 mod beams;
+mod config;
 mod echo;
 mod position;
 mod schedule;
+mod sight;
 mod surface;
 
 pub use beams::made_calibration;
+pub use config::{Head, LidarConfig, LidarError, LidarParameters};
 pub use position::Gps;
 pub use schedule::View;
 pub use surface::{Surface, Surfaces};
 
-use crate::clock::SimClock;
 use crate::noise::Noise;
 use crate::world::{Ray, Snapshot, World};
 use beams::{Beam, Beams};
 use bytes::Bytes;
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::TAU;
 use echo::{Echo, RING, Receiver, Returns};
-use nalgebra::{Isometry3, Point3, Vector3};
 use schedule::{GROUPS, Group, Schedule};
-use serde::{Deserialize, Serialize};
+use sight::{Aim, Sight};
 use tumbled_model::{CivilTime, RigNs, Span, UnixNs};
+use tumbled_velodyne::ReturnMode;
 use tumbled_velodyne::encode::{self, DataPacketBuilder};
 use tumbled_velodyne::hdl64::encode::{Said, Slot};
-use tumbled_velodyne::hdl64::{Calibration, Generation, Hdl64Encoder, LASERS, Unit};
+use tumbled_velodyne::hdl64::{Hdl64Encoder, LASERS, Unit};
 use tumbled_velodyne::wire::{BLOCKS, SLOTS};
-use tumbled_velodyne::{Model, ReturnMode};
 
 /// A body nearer than this to the sensor's centre is its own housing, m.
 const HOUSING_M: f64 = 0.06;
-
-/// Added to bounding spheres: bodies move while a group fires (10 m/s for 0.1 ms), and sums round. Metres.
-const SPHERE_SLACK_M: f64 = 0.005;
-
-/// Bodies that a group is tried against one by one; in a world of more every beam is cast.
-const MAX_SPHERES: usize = 32;
-
-/// A sensor's settings.
-#[derive(Clone, Debug)]
-pub struct LidarConfig {
-    /// Its name: streams of random numbers go by it.
-    pub id: String,
-    /// Which sensor.
-    pub head: Head,
-    /// Which returns it reports.
-    pub mode: ReturnMode,
-    /// Turns a minute of its own clock, 1..=1200 (real ones: 300, 600, 1200).
-    pub rpm: u32,
-    /// Where the head points at the session's start, degrees clockwise from above.
-    pub start_azimuth_deg: f64,
-    /// What it looks at.
-    pub view: View,
-    /// Whether beams leave at the heights that their elevations tell; `None`: as the decoder takes it for the model.
-    pub vertical_offsets: Option<bool>,
-    /// Its frame into the rig's: x forward at azimuth 0, y left, z up.
-    pub t_rig_lidar: Isometry3<f64>,
-    /// Its clock.
-    pub clock: SimClock,
-    /// What it has of GPS.
-    pub gps: Gps,
-    /// From one position packet to the next, by its own clock; real ones send 40 to 280 a second.
-    pub position_every: Span,
-    /// UTC at the session's start, for sentences.
-    pub unix_at_zero: UnixNs,
-    /// How well it measures.
-    pub parameters: LidarParameters,
-}
-
-/// Which sensor.
-#[derive(Clone, Debug)]
-pub enum Head {
-    /// A model whose geometry is built in.
-    BuiltIn(Model),
-    /// An HDL-64E S2 or S3 with its factory calibration.
-    Hdl64e {
-        /// S2 or S3.
-        generation: Generation,
-        /// Its lasers; [`made_calibration`] has some.
-        calibration: Box<Calibration>,
-    },
-}
-
-/// How well a sensor measures.
-///
-/// Ranges: data sheets say ±30 mm (VLP-32C, typical) of one beam; the split into white noise and a beam's own bias is
-/// that of the accuracy scenes. Footprint: 3 mrad. Encoder: block azimuths of real captures scatter by ±0.02°, taken as
-/// three standard deviations. Pulse: returns closer than about a metre are not told apart (dual return, VLP manuals).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct LidarParameters {
-    /// Standard deviation of a single range, m.
-    pub range_sigma_m: f64,
-    /// Standard deviation of the beams' biases, m; each beam's is fixed for a seed.
-    pub beam_bias_sigma_m: f64,
-    /// Whole width of a beam, mrad; 0: a line.
-    pub footprint_mrad: f64,
-    /// Returns closer together than this become one, m.
-    pub pulse_m: f64,
-    /// Standard deviation of a block's azimuth reading, degrees.
-    pub encoder_sigma_deg: f64,
-    /// Standard deviation of the reflectivity, counts of 255.
-    pub intensity_sigma: f64,
-    /// The materials.
-    pub surfaces: Surfaces,
-}
-
-impl Default for LidarParameters {
-    fn default() -> Self {
-        Self {
-            range_sigma_m: 0.015,
-            beam_bias_sigma_m: 0.010,
-            footprint_mrad: 3.0,
-            pulse_m: 0.9,
-            encoder_sigma_deg: 0.007,
-            intensity_sigma: 2.0,
-            surfaces: Surfaces::default(),
-        }
-    }
-}
-
-/// Settings no sensor has.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum LidarError {
-    /// A model without built-in geometry.
-    #[error("an HDL-64E has no built-in geometry: give it a generation and a calibration")]
-    NoCalibration,
-    /// A generation that is not simulated in this mode.
-    #[error("HDL-64E {generation:?} in {mode} return is not simulated: S2 has single return, S3 single and dual")]
-    Generation {
-        /// The generation asked for.
-        generation: Generation,
-        /// The mode asked for.
-        mode: ReturnMode,
-    },
-    /// A speed outside 1..=1200.
-    #[error("{0} rpm: 1 to 1200 expected")]
-    Speed(u32),
-    /// A sector that ends before it begins, or is no part of a turn.
-    #[error("view from {from_deg}° to {to_deg}°: more than 0° and less than 360° clockwise expected")]
-    View {
-        /// Its beginning.
-        from_deg: f64,
-        /// Its end.
-        to_deg: f64,
-    },
-    /// A number that is not finite or is negative where it cannot be.
-    #[error("{name} is {found}: a finite number of at least 0 expected")]
-    Number {
-        /// Which setting.
-        name: &'static str,
-        /// What it is.
-        found: f64,
-    },
-}
 
 /// A packet.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -197,7 +73,7 @@ impl LidarModel {
     /// # Errors
     /// [`LidarError`]: settings no sensor has.
     pub fn new(config: LidarConfig) -> Result<Self, LidarError> {
-        check(&config)?;
+        config.check()?;
         let beams = Beams::new(&config.head, config.mode, config.vertical_offsets)?;
         let schedule = Schedule::new(config.rpm, beams.group_ns, beams.groups, config.start_azimuth_deg, config.view);
         let hdl64 = match &config.head {
@@ -418,16 +294,6 @@ impl LidarModel {
     }
 }
 
-impl LidarConfig {
-    /// The model.
-    pub fn model(&self) -> Model {
-        match &self.head {
-            Head::BuiltIn(model) => *model,
-            Head::Hdl64e { .. } => Model::Hdl64e,
-        }
-    }
-}
-
 /// One slot of a packet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sent {
@@ -437,125 +303,3 @@ struct Sent {
 
 /// By group, return and place.
 type Slots = [[[Sent; LASERS]; 2]; GROUPS];
-
-/// Where a beam leaves and looks, lidar frame.
-#[derive(Clone, Copy, Debug)]
-struct Aim {
-    origin: Point3<f64>,
-    direction: Vector3<f64>,
-    /// Level, to the left of the direction.
-    left: Vector3<f64>,
-}
-
-impl Aim {
-    fn new(beam: &Beam, sin_head: f64, cos_head: f64, turned: f64) -> Self {
-        let (sin_turn, cos_turn) = libm::sincos(turned);
-        let sin_rest = beam.sin_offset * cos_turn + beam.cos_offset * sin_turn;
-        let cos_rest = beam.cos_offset * cos_turn - beam.sin_offset * sin_turn;
-        let sin = sin_head * cos_rest + cos_head * sin_rest;
-        let cos = cos_head * cos_rest - sin_head * sin_rest;
-        let left = Vector3::new(sin, cos, 0.0);
-        Self {
-            origin: Point3::from(left * beam.left_m + Vector3::z() * beam.height_m),
-            direction: Vector3::new(beam.cos_elevation * cos, -beam.cos_elevation * sin, beam.sin_elevation),
-            left,
-        }
-    }
-
-    /// The offsets to the side and up that a ray `apart_rad` from the middle has.
-    fn across(&self, apart_rad: f64) -> [Vector3<f64>; 2] {
-        [self.left * apart_rad, self.direction.cross(&self.left) * apart_rad]
-    }
-}
-
-/// The bodies that a group's beams can meet, as bounding spheres in the lidar frame.
-struct Sight {
-    spheres: [(Point3<f64>, f64); MAX_SPHERES],
-    count: usize,
-    /// The sensor stands inside a body's sphere: every beam can meet it.
-    inside: bool,
-}
-
-impl Sight {
-    fn of(
-        world: &World,
-        t: RigNs,
-        t_rig_lidar: &Isometry3<f64>,
-        beams: &Beams,
-        head_rad: f64,
-        footprint_rad: f64,
-        turn_rad_per_ns: f64,
-    ) -> Self {
-        let mut sight = Self { spheres: [(Point3::origin(), 0.0); MAX_SPHERES], count: 0, inside: false };
-        // Beams of this group point at most so far from where the head points.
-        let half_turn_rad = 0.5 * turn_rad_per_ns * f64::from(beams.last_ns());
-        let middle_rad = head_rad + half_turn_rad;
-        let wide_rad = beams.widest_rad + half_turn_rad + footprint_rad;
-        for sphere in world.at(t).spheres() {
-            let centre = t_rig_lidar.inverse_transform_point(&sphere.centre);
-            let radius = sphere.radius_m + SPHERE_SLACK_M;
-            let level_m = (centre.x * centre.x + centre.y * centre.y).sqrt();
-            let reach_m = radius + beams.reach_m;
-            if centre.coords.norm() <= reach_m {
-                sight.inside = true;
-                continue;
-            }
-            // A sphere that stands over or under the sensor is at every azimuth.
-            if level_m > reach_m {
-                let away = libm::atan2(-centre.y, centre.x) - middle_rad;
-                let away = (away - TAU * libm::round(away / TAU)).abs();
-                if away > (wide_rad + libm::asin(reach_m / level_m)).min(PI) {
-                    continue;
-                }
-            }
-            match sight.spheres.get_mut(sight.count) {
-                Some(place) => {
-                    *place = (centre, radius);
-                    sight.count += 1;
-                }
-                None => sight.inside = true,
-            }
-        }
-        sight
-    }
-
-    /// Whether a beam passes through one of the spheres.
-    fn meets(&self, aim: &Aim, footprint_rad: f64) -> bool {
-        self.spheres.iter().take(self.count).any(|(centre, radius)| {
-            let from = centre - aim.origin;
-            let along = from.dot(&aim.direction);
-            let radius = radius + footprint_rad * along.max(0.0);
-            along > -radius && from.norm_squared() - along * along <= radius * radius
-        })
-    }
-}
-
-fn check(config: &LidarConfig) -> Result<(), LidarError> {
-    if !(1..=1_200).contains(&config.rpm) {
-        return Err(LidarError::Speed(config.rpm));
-    }
-    if let View::Sector { from_deg, to_deg } = config.view {
-        let width = to_deg - from_deg;
-        let a_part = width > 0.0 && width < 360.0 && from_deg.is_finite();
-        if !a_part {
-            return Err(LidarError::View { from_deg, to_deg });
-        }
-    }
-    let parameters = &config.parameters;
-    for (name, found) in [
-        ("range_sigma_m", parameters.range_sigma_m),
-        ("beam_bias_sigma_m", parameters.beam_bias_sigma_m),
-        ("footprint_mrad", parameters.footprint_mrad),
-        ("pulse_m", parameters.pulse_m),
-        ("encoder_sigma_deg", parameters.encoder_sigma_deg),
-        ("intensity_sigma", parameters.intensity_sigma),
-    ] {
-        if !found.is_finite() || found < 0.0 {
-            return Err(LidarError::Number { name, found });
-        }
-    }
-    if !config.start_azimuth_deg.is_finite() {
-        return Err(LidarError::Number { name: "start_azimuth_deg", found: config.start_azimuth_deg });
-    }
-    Ok(())
-}
