@@ -129,21 +129,29 @@ fn moments_that_no_body_has_are_refused() {
     assert_eq!(try_new([1.0, 1.0, 2.0], [0.1; 3]), None);
 }
 
+/// Moments that are equal, or almost, are as likely as others.
+fn moment() -> impl Strategy<Value = f64> {
+    prop_oneof![1.0..1.9_f64, Just(1.5), Just(1.5 + 1e-12), Just(1.5 - 1e-7)]
+}
+
+/// So are rates of almost nothing.
+fn rate() -> impl Strategy<Value = f64> {
+    prop_oneof![-1.0..1.0_f64, Just(0.0), -1e-9..1e-9, Just(1e-15)]
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn any_tumble_holds_energy_and_momentum(
-        inertia in [1.0..1.9_f64, 1.0..1.9, 1.0..1.9],
-        rates in [-1.0..1.0_f64, -1.0..1.0, -1.0..1.0],
+        inertia in [moment(), moment(), moment()],
+        rates in [rate(), rate(), rate()],
         times in prop::collection::vec(-1e3..1e3_f64, 1..20),
     ) {
-        prop_assume!(Vector3::from(rates).norm() > 1e-3);
         let motion = tumble(inertia, rates);
         let (energy, momentum) = conserved(inertia, &motion.state(RigNs(0)));
         for s in times {
             let (now, turned) = conserved(inertia, &motion.state(secs(s)));
-            prop_assert!(((now - energy) / energy).abs() < 1e-11, "{} {}", now, energy);
-            prop_assert!((turned - momentum).norm() < 1e-11 * momentum.norm());
+            prop_assert!((now - energy).abs() <= 1e-11 * energy, "{} {}", now, energy);
+            prop_assert!((turned - momentum).norm() <= 1e-11 * momentum.norm());
         }
     }
 }

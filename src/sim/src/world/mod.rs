@@ -102,7 +102,7 @@ struct Placed<'a> {
 }
 
 impl World {
-    /// A world of these bodies. Builds each mesh's tree: milliseconds for ten thousand triangles.
+    /// A world of these bodies. Builds each mesh's tree: tens of milliseconds for ten thousand triangles.
     pub fn new(bodies: Vec<Body>) -> Self {
         let mut surfaces: Vec<Arc<Bvh>> = Vec::with_capacity(bodies.len());
         for (n, body) in bodies.iter().enumerate() {
