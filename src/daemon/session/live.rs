@@ -201,7 +201,7 @@ impl LiveSession {
     }
 
     /// Ends it: sources first, then the ledger, so that everything they accepted goes through core and recorder. A thread
-    /// that hangs does not hold up the process: after [`LONGEST_STOP`] it is ended all the same.
+    /// that hangs does not hold up the process: after 8 s it is ended all the same.
     pub fn end(self) -> SessionEnd {
         self.stop.stop();
         let _guard = StopGuard::new();
