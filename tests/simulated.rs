@@ -61,3 +61,52 @@ fn a_scene_that_is_none_is_refused_with_those_there_are() {
     let done = bench.run(&["replay", "sim:wrong.toml"]);
     assert!(done.code == 2 && done.stderr.contains("wrong.toml"), "{}", done.stderr);
 }
+
+#[test]
+fn simulated_files_are_the_same_session_in_every_format_and_the_same_bytes_for_the_same_seed() {
+    let bench = Workbench::new();
+    short_scene(&bench);
+    for (folder, threads) in [("a", "1"), ("b", "2")] {
+        let arguments = ["simulate", "short.toml", "-o", folder, "--duration", "1500ms", "--threads", threads];
+        let done = bench.run(&arguments);
+        assert_eq!(done.code, 0, "{}", done.stderr);
+    }
+    let names =
+        ["capture.mcap", "velodyne.pcap", "kinect/INDEX.txt", "truth.csv", "mesh.ply", "rig.toml", "rig-true.toml"];
+    for name in names.into_iter().chain(["serial.log"]) {
+        let (a, b) = (bench.read_bytes(&format!("a/{name}")), bench.read_bytes(&format!("b/{name}")));
+        assert!(!a.is_empty() && a == b, "{name}");
+    }
+    // The pcap and the recording hold the same packets: the same points.
+    let points = |input: &str| {
+        let done = bench.run(&[
+            "export",
+            input,
+            "--what",
+            "lidar-points",
+            "--format",
+            "pts",
+            "-o",
+            "points.pts",
+            "--config",
+            "a/rig.toml",
+        ]);
+        assert_eq!(done.code, 0, "{}", done.stderr);
+        bench.read_bytes("points.pts")
+    };
+    let from_recording = points("a/capture.mcap");
+    assert!(from_recording.len() > 10_000 * 24 && from_recording == points("a/velodyne.pcap"));
+    // Truth: 0 to 1.5 s a hundred times a second, and a turn of 20 degrees a second about z.
+    let truth = bench.read("a/truth.csv");
+    let rows: Vec<Vec<f64>> = truth
+        .lines()
+        .skip(1)
+        .map(|row| row.split(',').map(|value| value.parse().expect("a number")).collect())
+        .collect();
+    assert_eq!(rows.len(), 151);
+    let rate = 20f64.to_radians();
+    assert!(rows.iter().all(|row| (row[11] - rate).abs() < 1e-12 && (row[2] - 2.2).abs() < 1e-12));
+    // The rotation about z after 1.5 s: half of 30 degrees in the quaternion.
+    assert!((rows[150][7] - 15f64.to_radians().sin()).abs() < 1e-12, "{:?}", rows[150]);
+    assert_eq!(bench.run(&["simulate", "short.toml", "-o", "a"]).code, 2, "a folder that is not empty");
+}

@@ -46,6 +46,10 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/import.schema.json", schema: schema_for!(crate::cli::import::ImportReport) },
         Published { file: "docs/schema/record.schema.json", schema: schema_for!(crate::cli::record::RecordReport) },
         Published { file: "docs/schema/recover.schema.json", schema: schema_for!(crate::cli::recover::RecoverReport) },
+        Published {
+            file: "docs/schema/simulate.schema.json",
+            schema: schema_for!(crate::cli::simulate::SimulateReport),
+        },
         Published { file: "docs/schema/run.schema.json", schema: schema_for!(crate::cli::run::RunReport) },
         Published { file: "docs/schema/replay.schema.json", schema: schema_for!(crate::cli::replay::ReplayReport) },
         Published {

@@ -25,6 +25,7 @@ pub mod render;
 pub mod replay;
 pub mod run;
 pub mod signals;
+pub mod simulate;
 pub mod status;
 pub mod verify;
 
@@ -85,6 +86,8 @@ enum Command {
     Replay(replay::Args),
     /// Compute a recorded session anew and compare it with what it was.
     Verify(verify::Args),
+    /// Write a simulated session as files, with the truth beside them.
+    Simulate(simulate::Args),
     /// Make a finished recording of one that was interrupted or damaged.
     Recover(recover::Args),
     /// Find where two recordings differ.
@@ -113,6 +116,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Status(args) => status::run(&args),

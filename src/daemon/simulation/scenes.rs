@@ -1,6 +1,7 @@
 //! Scenes by name or file.
 
 use std::path::Path;
+use std::time::Duration;
 
 use tumbled_sim::scene::{Scene, SceneConfig};
 
@@ -26,6 +27,14 @@ pub fn scene_of(input: &Path) -> Option<&str> {
 /// # Errors
 /// A name that is none, a file that is no scene: exit code 2.
 pub fn load(name: &str) -> Result<Scene, Failure> {
+    load_with(name, None, None)
+}
+
+/// The same with another seed or another length.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(name: &str, seed: Option<u64>, duration: Option<Duration>) -> Result<Scene, Failure> {
     let of_program = SCENES.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned());
     let text = match of_program {
         Some(text) => text,
@@ -35,8 +44,10 @@ pub fn load(name: &str) -> Result<Scene, Failure> {
                 .with_help(format!("the program's own scenes are {}", known.join(", ")))
         })?,
     };
-    let config: SceneConfig =
+    let mut config: SceneConfig =
         toml::from_str(&text).map_err(|error| Failure::input(format!("the scene {name}: {error}")))?;
+    config.seed = seed.unwrap_or(config.seed);
+    config.duration_s = duration.map_or(config.duration_s, |duration| duration.as_secs_f64());
     Scene::build(config).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
 }
 

@@ -127,6 +127,14 @@ impl Scene {
         UnixNs(self.config.unix_ns_at_zero)
     }
 
+    /// The turntable under the target, if there is one.
+    pub fn stage(&self) -> Option<Turntable> {
+        match &self.config.motion {
+            SceneMotion::Turntable { axis, center_m, mount, profile } => turntable(axis, center_m, mount, profile).ok(),
+            SceneMotion::Tumble { .. } | SceneMotion::Still { .. } => None,
+        }
+    }
+
     /// A mounting as an operator would have it: the truth, turned and moved by what a calibration leaves.
     pub fn operators_mounting(&self, sensor: &str, truth: &Transform) -> Transform {
         let errors = self.config.operator;
@@ -166,20 +174,26 @@ fn bodies(config: &SceneConfig) -> Result<Vec<Body>, SceneError> {
     Ok(bodies)
 }
 
+fn turntable(
+    axis: &[f64; 3],
+    center_m: &[f64; 3],
+    mount: &Transform,
+    profile: &SceneProfile,
+) -> Result<Turntable, SceneError> {
+    let vector = Vector3::from(*axis);
+    let expected = "an axis of a length above 0";
+    let none = SceneError::Number { key: "motion.axis", found: vector.norm(), expected };
+    let axis = Unit::try_new(vector, 0.0).ok_or(none)?;
+    let (centre, mount, profile) = (Point3::from(*center_m), mount.isometry(), profile_of(profile));
+    Ok(Turntable { axis, centre, mount, start_rad: 0.0, profile })
+}
+
 fn motion(config: &SceneMotion) -> Result<Arc<dyn Motion>, SceneError> {
     Ok(match config {
-        SceneMotion::Still { pose } => Arc::new(Still(pose.isometry())),
         SceneMotion::Turntable { axis, center_m, mount, profile } => {
-            let vector = Vector3::from(*axis);
-            let expected = "an axis of a length above 0";
-            let axis = Unit::try_new(vector, 0.0).ok_or(SceneError::Number {
-                key: "motion.axis",
-                found: vector.norm(),
-                expected,
-            })?;
-            let (centre, mount, profile) = (Point3::from(*center_m), mount.isometry(), profile_of(profile));
-            Arc::new(Turntable { axis, centre, mount, start_rad: 0.0, profile })
+            Arc::new(turntable(axis, center_m, mount, profile)?)
         }
+        SceneMotion::Still { pose } => Arc::new(Still(pose.isometry())),
         SceneMotion::Tumble { inertia, rates_dps, start, mean_motion_rps, velocity_mps } => {
             let start = start.isometry();
             let rates = Vector3::from(*rates_dps).map(f64::to_radians);

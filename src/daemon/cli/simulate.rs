@@ -1,0 +1,304 @@
+//! `tumbled simulate`: a simulated session as files, for this program and for others, with the truth beside them.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Args as ClapArgs;
+use indicatif::{ProgressBar, ProgressStyle};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tumbled_io::foreign::{FakenectFolder, PcapFile};
+use tumbled_io::recording::{Origin, Recorder, RecordingHeader};
+use tumbled_kinect::{RawImage, decode_raw};
+use tumbled_model::{Body, Event, RigNs, SensorId, Span, UnixNs};
+use tumbled_serial::zaber::PollSettings;
+use tumbled_sim::scene::Scene;
+use tumbled_sim::turntable::{
+    EmulatorSettings, Latency, LineLogSettings, Mishaps, ScriptedStage, Stage, StageState, ZaberEmulator, serial_log,
+};
+use tumbled_velodyne::wire::POSITION_LEN;
+
+use super::{Failure, Outcome, VERSION, import, output};
+use crate::config::{self, Recorded, show};
+use crate::quantity;
+use crate::simulation::{SimulatedLedger, rig, scenes};
+
+/// What `simulate` is asked for.
+#[derive(Debug, ClapArgs)]
+#[command(
+    after_help = "Examples:\n  tumbled simulate demo -o demo/ --duration 10s\n  tumbled simulate my-scene.toml -o out/ --seed 7\n\n\
+    Writes capture.mcap, velodyne.pcap, kinect/ (a fakenect folder), serial.log (with a turntable), truth.csv, mesh.ply, \
+    rig.toml (what an operator would have) and rig-true.toml. The same scene and seed give the same bytes."
+)]
+pub struct Args {
+    /// A scene of the program's (demo, tumble, turntable-20dps) or a file.
+    #[arg(value_name = "SCENE")]
+    scene: String,
+    /// The folder to write; it is made if it is not there.
+    #[arg(short = 'o', long = "output", value_name = "DIR")]
+    output: PathBuf,
+    /// Simulate so long, whatever the scene says, e.g. 10s.
+    #[arg(long, value_parser = quantity::duration, value_name = "TIME")]
+    duration: Option<Duration>,
+    /// Another seed than the scene's.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Write into a folder that is not empty: files of the same names are replaced.
+    #[arg(long)]
+    force: bool,
+    /// Threads; 0 = one for each processor. Changes no byte.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+    /// Report on stdout as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was simulated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "tumbled simulate --json")]
+pub struct SimulateReport {
+    /// The scene.
+    pub scene: String,
+    /// Its seed.
+    pub seed: u64,
+    /// How long it lasted, s.
+    pub duration_s: f64,
+    /// Packets and frames by sensor.
+    pub items: BTreeMap<String, u64>,
+    /// What was written, in the folder.
+    pub files: Vec<PathBuf>,
+}
+
+/// Simulates.
+///
+/// # Errors
+/// Exit code 2: a scene that is none, a folder that is not empty. 1: what cannot be written.
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    let scene = scenes::load_with(&args.scene, args.seed, args.duration)?;
+    prepare(&args.output, args.force)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().map_err(Failure::failed)?;
+    let mut files = Files::create(&args.output, &scene, args.force)?;
+    files.describe(&scene).map_err(Failure::failed)?;
+    let mut ledger = SimulatedLedger::new(scene, Some(Arc::new(pool)));
+    let mut items: BTreeMap<String, u64> = BTreeMap::new();
+    let progress = progress(ledger.scene().duration());
+    for event in ledger.by_ref() {
+        progress.set_position(u64::try_from(event.arrived.0 / 1_000_000).unwrap_or(0));
+        if let Some(sensor) = event.body.sensor() {
+            *items.entry(sensor.to_string()).or_default() += 1;
+        }
+        files.write(&event).map_err(Failure::failed)?;
+    }
+    progress.finish_and_clear();
+    let config = &ledger.scene().config;
+    let report = SimulateReport {
+        scene: config.name.clone(),
+        seed: config.seed,
+        duration_s: config.duration_s,
+        items,
+        files: files.finish()?,
+    };
+    if args.json {
+        output::json(&report)?;
+    } else {
+        output::text(&text(&report, &args.output))?;
+    }
+    Ok(Outcome::Fine)
+}
+
+fn prepare(folder: &Path, force: bool) -> Result<(), Failure> {
+    let failed = |error: io::Error| Failure::failed(format!("cannot make {}: {error}", folder.display()));
+    fs::create_dir_all(folder).map_err(failed)?;
+    let is_empty = fs::read_dir(folder).map_err(failed)?.next().is_none();
+    if is_empty || force {
+        return Ok(());
+    }
+    Err(Failure::input(format!("{} is not empty", folder.display())).with_help("give -o another folder, or --force"))
+}
+
+fn progress(duration: Span) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {percent} %  {eta} left");
+    let length = u64::try_from(duration.0 / 1_000_000).unwrap_or(0);
+    let bar = ProgressBar::new(length).with_style(style.unwrap_or_else(|_error| ProgressStyle::default_bar()));
+    bar.enable_steady_tick(Duration::from_millis(250)); // draws on a terminal only
+    bar
+}
+
+/// The files of a simulated session.
+struct Files {
+    folder: PathBuf,
+    unix_at_zero: UnixNs,
+    recorder: Recorder,
+    pcaps: BTreeMap<SensorId, PcapFile>,
+    dumps: BTreeMap<SensorId, FakenectFolder>,
+    raw: RawImage,
+    written: Vec<PathBuf>,
+}
+
+impl Files {
+    fn create(folder: &Path, scene: &Scene, replace: bool) -> Result<Self, Failure> {
+        let mut written = vec![PathBuf::from("capture.mcap")];
+        let recorder = import::create(&folder.join("capture.mcap"), header(scene)?, replace)?;
+        let mut named = |first: &str, other: String, n: usize| {
+            let name = PathBuf::from(if n == 0 { first.to_owned() } else { other });
+            written.push(name.clone());
+            folder.join(name)
+        };
+        let mut pcaps = BTreeMap::new();
+        for (n, lidar) in scene.lidars.iter().enumerate() {
+            let path = named("velodyne.pcap", format!("velodyne-{}.pcap", lidar.id), n);
+            pcaps.insert(lidar.id.clone(), PcapFile::create(&path).map_err(Failure::failed)?);
+        }
+        let mut dumps = BTreeMap::new();
+        for (n, kinect) in scene.kinects.iter().enumerate() {
+            let path = named("kinect", format!("kinect-{}", kinect.id), n);
+            dumps.insert(kinect.id.clone(), FakenectFolder::create(&path).map_err(Failure::failed)?);
+        }
+        let (folder, unix_at_zero) = (folder.to_owned(), scene.unix_at_zero());
+        Ok(Self { folder, unix_at_zero, recorder, pcaps, dumps, raw: RawImage::new(), written })
+    }
+
+    /// What does not come with time: truth, mesh, configs, the stage's conversation.
+    fn describe(&mut self, scene: &Scene) -> io::Result<()> {
+        self.file("truth.csv", |file| truth(scene, file))?;
+        self.file("mesh.ply", |file| mesh(scene, file))?;
+        self.file("rig.toml", |file| file.write_all(rig::toml(scene, rig::View::Operator).as_bytes()))?;
+        self.file("rig-true.toml", |file| file.write_all(rig::toml(scene, rig::View::Truth).as_bytes()))?;
+        if let Some(stage) = scene.stage() {
+            self.file("serial.log", |file| conversation(scene, stage, file))?;
+        }
+        Ok(())
+    }
+
+    fn file(&mut self, name: &str, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+        let mut file = BufWriter::new(File::create(self.folder.join(name))?);
+        fill(&mut file)?;
+        self.written.push(name.into());
+        file.flush()
+    }
+
+    fn write(&mut self, event: &Event) -> io::Result<()> {
+        self.recorder.write(event);
+        let host = self.unix_at_zero + Span(event.arrived.0);
+        match &event.body {
+            Body::LidarPacket { sensor, bytes } => {
+                let port = if bytes.len() == POSITION_LEN { 8308 } else { 2368 };
+                self.pcaps.get_mut(sensor).map_or(Ok(()), |pcap| pcap.write(host, port, bytes))
+            }
+            Body::DepthFrame { sensor, ticks, encoding, lost_packets, bytes } => {
+                decode_raw(*encoding, bytes, lost_packets, &mut self.raw).map_err(io::Error::other)?;
+                let codes = self.raw.pixels().iter().map(|code| code.0);
+                let dump = self.dumps.get_mut(sensor);
+                dump.map_or(Ok(()), |dump| dump.frame(host, ticks.unwrap_or_default(), codes))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn finish(self) -> Result<Vec<PathBuf>, Failure> {
+        for pcap in self.pcaps.into_values() {
+            pcap.finish().map_err(Failure::failed)?;
+        }
+        for dump in self.dumps.into_values() {
+            dump.finish().map_err(Failure::failed)?;
+        }
+        import::written(&self.recorder.finish())?;
+        Ok(self.written)
+    }
+}
+
+/// Of the recording: nothing of this machine, and nothing of this instant, is in it.
+fn header(scene: &Scene) -> Result<RecordingHeader, Failure> {
+    let config = rig::toml(scene, rig::View::Operator);
+    let start = RecordingHeader { config, ..RecordingHeader::default() };
+    let loaded = config::load_recorded(Recorded { path: "rig.toml".into(), header: start }, &[])?;
+    Ok(RecordingHeader {
+        session: format!("sim-{}-{}", scene.config.name, scene.config.seed),
+        origin: Origin::Simulated,
+        program: VERSION.split(' ').next().unwrap_or_default().to_owned(),
+        unix_at_zero: scene.unix_at_zero(),
+        config: show::text(&loaded.tree, false),
+        ..RecordingHeader::default()
+    })
+}
+
+/// A hundred times a second: pose of the mesh's frame in the rig's, angular velocity in rig axes, rad/s.
+fn truth(scene: &Scene, file: &mut impl Write) -> io::Result<()> {
+    const EVERY: Span = Span(10_000_000);
+    writeln!(file, "t_ns,unix_ns,px,py,pz,qx,qy,qz,qw,wx,wy,wz")?;
+    for n in 0..=scene.duration().0 / EVERY.0 {
+        let t = RigNs(n * EVERY.0);
+        let Some(state) = scene.world.target(t) else { return Ok(()) };
+        let (p, q, w) = (state.t_rig_body.translation.vector, state.t_rig_body.rotation, state.angular_velocity_rps);
+        let unix = scene.unix_at_zero().0 + t.0;
+        write!(file, "{},{unix}", t.0)?;
+        for value in [p.x, p.y, p.z, q.i, q.j, q.k, q.w, w.x, w.y, w.z] {
+            write!(file, ",{value:?}")?;
+        }
+        writeln!(file)?;
+    }
+    Ok(())
+}
+
+/// The target's surface, PLY.
+fn mesh(scene: &Scene, file: &mut impl Write) -> io::Result<()> {
+    let mesh = scene.config.target.shape.mesh();
+    writeln!(file, "ply\nformat ascii 1.0\nelement vertex {}", mesh.vertices.len())?;
+    writeln!(file, "property double x\nproperty double y\nproperty double z")?;
+    writeln!(file, "element face {}\nproperty list uchar int vertex_indices\nend_header", mesh.triangles.len())?;
+    for vertex in &mesh.vertices {
+        writeln!(file, "{:?} {:?} {:?}", vertex.x, vertex.y, vertex.z)?;
+    }
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.corners;
+        writeln!(file, "3 {a} {b} {c}")?;
+    }
+    Ok(())
+}
+
+/// What host and stage say to each other.
+fn conversation(
+    scene: &Scene,
+    stage: tumbled_sim::motion::turntable::Turntable,
+    file: &mut impl Write,
+) -> io::Result<()> {
+    let angle = move |t: RigNs| {
+        let turn = stage.stage(t);
+        StageState { angle_rad: turn.angle_rad, rate_rps: turn.rate_rps }
+    };
+    let seed = scene.config.seed;
+    let scripted = ScriptedStage::new(Arc::new(angle), Vec::new());
+    let mut emulator = ZaberEmulator::new(EmulatorSettings::usual(seed), Stage::Scripted(scripted));
+    let settings = LineLogSettings {
+        from: RigNs(0),
+        until: RigNs(scene.duration().0),
+        poll: PollSettings::default(),
+        quickest: Latency { to_sample: Span(300_000), to_reply: Span(300_000) },
+        jitter: Span(100_000),
+        mishaps: Mishaps { chance: 0.0, seed },
+        seed,
+    };
+    let mut outcome = Ok(());
+    serial_log(&mut emulator, &settings, |entry| {
+        if outcome.is_ok() {
+            outcome = writeln!(file, "{entry}");
+        }
+    });
+    outcome
+}
+
+fn text(report: &SimulateReport, folder: &Path) -> String {
+    let mut text =
+        format!("{} (seed {}), {:.1} s -> {}\n", report.scene, report.seed, report.duration_s, folder.display());
+    for (sensor, items) in &report.items {
+        text.push_str(&format!("  {sensor}: {items} packets and frames\n"));
+    }
+    let files: Vec<String> = report.files.iter().map(|file| file.display().to_string()).collect();
+    text + &format!("  {}\n", files.join(", "))
+}
