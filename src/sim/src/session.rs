@@ -84,9 +84,9 @@ impl Simulation {
         &self.scene
     }
 
-    /// Makes everything that is sent in the next tenth of a second.
+    /// Makes everything that is sent in the next tenth of a second, and nothing beyond the scene's end.
     fn make(&mut self) {
-        let until = self.made + STRETCH;
+        let until = (self.made + STRETCH).min(RigNs(self.scene.duration().0));
         let scene = Arc::clone(&self.scene);
         for (n, lidar) in scene.lidars.iter().enumerate() {
             self.make_packets(n, lidar, until);
