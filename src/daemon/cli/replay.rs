@@ -143,6 +143,7 @@ struct Sinks {
     epochs: Option<Box<dyn Write>>,
     recorder: Option<Recorder>,
     checkpoints: ResultKind,
+    began: Instant,
     next_sync: Instant,
     server: Option<Server>,
     publish: Publish,
@@ -168,6 +169,7 @@ impl Sinks {
             epochs,
             recorder,
             checkpoints: Checkpoint::kind(),
+            began: Instant::now(),
             next_sync: Instant::now() + SYNC_EVERY,
             server,
             publish,
@@ -186,7 +188,8 @@ impl Sinks {
             self.checkpoint(checkpoint);
         }
         let clients = || self.server.as_ref().map(Server::clients).unwrap_or_default();
-        let shell = || ShellHealth { stream: clients().into(), ..ShellHealth::default() };
+        let uptime_s = self.began.elapsed().as_secs_f64();
+        let shell = || ShellHealth { uptime_s, stream: clients().into(), ..ShellHealth::default() };
         self.publish.step(step, shell);
         Ok(())
     }
