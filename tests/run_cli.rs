@@ -31,24 +31,6 @@ fn replayed(bench: &Workbench, arguments: &[&str]) -> ReplayReport {
     done.json()
 }
 
-/// Exports the points of an input.
-fn points(bench: &Workbench, input: &str) -> Vec<u8> {
-    let done = bench.run(&[
-        "export",
-        input,
-        "--what",
-        "lidar-points",
-        "--format",
-        "pts",
-        "-o",
-        "points.pts",
-        "--config",
-        "rig.toml",
-    ]);
-    assert_eq!(done.code, 0, "{}", done.stderr);
-    bench.read_bytes("points.pts")
-}
-
 #[test]
 fn a_live_session_its_replays_and_its_verification_agree_to_the_bit() {
     let bench = Workbench::new();
@@ -93,9 +75,9 @@ fn the_real_capture_over_loopback_decodes_to_the_same_points_as_the_file() {
     let live = report(&ended);
     assert_eq!((ended.code, live.sensors[0].received, live.sensors[0].lost.total), (Some(0), 228, 0));
     // 78,978 points of 24 bytes (the capture's README).
-    let file = points(&bench, capture.to_str().expect("UTF-8"));
+    let file = bench.points(capture.to_str().expect("UTF-8"), "rig.toml");
     assert_eq!(file.len(), 78_978 * 24);
-    assert!(points(&bench, "run.mcap") == file);
+    assert!(bench.points("run.mcap", "rig.toml") == file);
     assert_eq!(replayed(&bench, &[]).digest, live.digest);
 }
 

@@ -78,22 +78,7 @@ fn simulated_files_are_the_same_session_in_every_format_and_the_same_bytes_for_t
         assert!(!a.is_empty() && a == b, "{name}");
     }
     // The pcap and the recording hold the same packets: the same points.
-    let points = |input: &str| {
-        let done = bench.run(&[
-            "export",
-            input,
-            "--what",
-            "lidar-points",
-            "--format",
-            "pts",
-            "-o",
-            "points.pts",
-            "--config",
-            "a/rig.toml",
-        ]);
-        assert_eq!(done.code, 0, "{}", done.stderr);
-        bench.read_bytes("points.pts")
-    };
+    let points = |input: &str| bench.points(input, "a/rig.toml");
     let from_recording = points("a/capture.mcap");
     assert!(from_recording.len() > 10_000 * 24 && from_recording == points("a/velodyne.pcap"));
     // Truth: 0 to 1.5 s a hundred times a second, and a turn of 20 degrees a second about z.

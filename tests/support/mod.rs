@@ -59,6 +59,14 @@ impl Workbench {
         command
     }
 
+    /// The LiDAR points of an input, read with a config, as pts.
+    pub(crate) fn points(&self, input: &str, config: &str) -> Vec<u8> {
+        let output = ["--what", "lidar-points", "--format", "pts", "-o", "points.pts"];
+        let done = self.run(&[&["export", input, "--config", config], &output[..]].concat());
+        assert_eq!(done.code, 0, "{}", done.stderr);
+        self.read_bytes("points.pts")
+    }
+
     /// Runs `tumbled` with these arguments in this directory.
     pub(crate) fn run(&self, arguments: &[&str]) -> Done {
         let output = self.command().args(arguments).output().expect("tumbled runs");

@@ -2,7 +2,7 @@
 
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud, Scan};
-use crate::health::{LossHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
+use crate::health::{PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
 use crate::kinect::{Frame, KinectChannel};
 use crate::lidar::{LidarChannel, Remark};
 use crate::vitals::Vitals;
@@ -221,7 +221,6 @@ impl Channel {
 }
 
 fn serial_health(id: &SensorId, vitals: &Vitals, t: RigNs) -> SensorHealth {
-    let lost = vitals.lost;
     SensorHealth {
         id: id.to_string(),
         kind: SensorKind::Serial,
@@ -230,7 +229,7 @@ fn serial_health(id: &SensorId, vitals: &Vitals, t: RigNs) -> SensorHealth {
         bytes: vitals.bytes,
         rate_hz: vitals.rate_hz(),
         age_ns: age_ns(t, vitals.newest),
-        lost: LossHealth { total: lost.kernel + lost.queue + lost.usb + lost.recorder + lost.capture, ..lost },
+        lost: vitals.lost.summed(),
         malformed: BTreeMap::new(),
         duplicates: 0,
         reordered: 0,

@@ -163,6 +163,11 @@ pub struct LossHealth {
 }
 
 impl LossHealth {
+    /// The same with the places' sum as the total: for sensors without stamps that tell more.
+    pub(crate) fn summed(self) -> Self {
+        Self { total: self.kernel + self.queue + self.usb + self.recorder + self.capture, ..self }
+    }
+
     /// Notes what was lost at a place.
     pub(crate) fn add(&mut self, place: LossPoint, lost: u64) {
         let count = match place {

@@ -9,9 +9,7 @@ use crate::boundary::Shedding;
 use crate::clock::{DeviceClock, DeviceClockKind, Pushed};
 use crate::config::{CoreConfig, KinectSetup};
 use crate::epoch::{Epoch, KinectScan, RigCloud, Scan, TimeBasis};
-use crate::health::{
-    EpochHealth, KinectHealth, LossHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns,
-};
+use crate::health::{EpochHealth, KinectHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
 use crate::lidar::Remark;
 use crate::notice::{Gravity, NoticeKind};
 use crate::place::Placement;
@@ -170,8 +168,6 @@ impl KinectChannel {
 
     /// Its health at `t`, given everything that arrived before.
     pub(crate) fn health(&self, t: RigNs) -> SensorHealth {
-        let lost = self.vitals.lost;
-        let total = lost.kernel + lost.queue + lost.usb + lost.recorder + lost.capture;
         let counts = [
             ("packed 11-bit frame of another length", self.counts.wrong_length_packed11),
             ("raw 11-bit frame of another length", self.counts.wrong_length_raw11),
@@ -187,7 +183,7 @@ impl KinectChannel {
             bytes: self.vitals.bytes,
             rate_hz: self.vitals.rate_hz(),
             age_ns: age_ns(t, self.vitals.newest),
-            lost: LossHealth { total, ..lost },
+            lost: self.vitals.lost.summed(),
             malformed: malformed.collect::<BTreeMap<_, _>>(),
             duplicates: self.kinect.repeated,
             reordered: self.reordered,

@@ -16,6 +16,7 @@ use super::ledger::{self, LedgerReport};
 use super::{Failure, InputArgs, Outcome, VERSION, output};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
+use crate::simulation::rig;
 
 /// What `import` is asked for.
 #[derive(Debug, ClapArgs)]
@@ -133,15 +134,7 @@ pub(super) fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Res
         return Ok(header.clone());
     }
     if let Some(scene) = inputs.scene() {
-        return Ok(RecordingHeader {
-            session: format!("sim-{}-{}", scene.config.name, scene.config.seed),
-            origin: Origin::Simulated,
-            program: VERSION.to_owned(),
-            unix_at_zero: scene.unix_at_zero(),
-            config: show::text(&loaded.tree, false),
-            files: loaded.config.attachments(),
-            ..RecordingHeader::default()
-        });
+        return Ok(rig::header(scene, loaded, VERSION));
     }
     let digest = |path: &PathBuf| {
         digest_of(path).map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))

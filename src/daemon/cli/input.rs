@@ -1,11 +1,9 @@
 //! Arguments that several commands share.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use tumbled_io::capture;
-use tumbled_io::recording::RecordingHeader;
-use tumbled_sim::scene::Scene;
 
 use super::{Failure, render};
 use crate::config::{self, Loaded, Recorded};
@@ -44,7 +42,7 @@ impl InputArgs {
         if let (None, [input]) = (&self.config.config, self.inputs.as_slice())
             && let Some(name) = scene_of(input)
         {
-            return self.load_operators(input, &scenes::load(name)?);
+            return Ok(rig::operators(&scenes::load(name)?, input, &self.config.settings)?);
         }
         let lone = if self.config.config.is_none() { capture::lone_recording(&self.inputs) } else { None };
         let (Some(header), Some(path)) = (lone, self.inputs.first()) else { return self.config.load() };
@@ -59,14 +57,6 @@ impl InputArgs {
     /// Whether a simulated scene is read.
     pub fn is_scene(&self) -> bool {
         self.inputs.iter().any(|input| scene_of(input).is_some())
-    }
-
-    /// What an operator of a simulated rig would have.
-    fn load_operators(&self, input: &Path, scene: &Scene) -> Result<Loaded, Failure> {
-        let config = rig::toml(scene, rig::View::Operator);
-        let header = RecordingHeader { config, ..RecordingHeader::default() };
-        let recorded = Recorded { path: input.to_owned(), header };
-        Ok(config::load_recorded(recorded, &self.config.settings)?)
     }
 }
 

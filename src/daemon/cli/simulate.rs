@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_io::foreign::{FakenectFolder, PcapFile};
-use tumbled_io::recording::{Origin, Recorder, RecordingHeader};
+use tumbled_io::recording::{Recorder, RecordingHeader};
 use tumbled_kinect::{RawImage, decode_raw};
 use tumbled_model::{Body, Event, RigNs, SensorId, Span, UnixNs};
 use tumbled_serial::zaber::PollSettings;
@@ -23,7 +23,6 @@ use tumbled_sim::turntable::{
 use tumbled_velodyne::wire::POSITION_LEN;
 
 use super::{Failure, Outcome, VERSION, import, output};
-use crate::config::{self, Recorded, show};
 use crate::quantity;
 use crate::simulation::{SimulatedLedger, rig, scenes};
 
@@ -213,19 +212,10 @@ impl Files {
     }
 }
 
-/// Of the recording: nothing of this machine, and nothing of this instant, is in it.
+/// Of the recording: nothing of this machine, and nothing of this instant, is in it; the program without its commit.
 fn header(scene: &Scene) -> Result<RecordingHeader, Failure> {
-    let config = rig::toml(scene, rig::View::Operator);
-    let start = RecordingHeader { config, ..RecordingHeader::default() };
-    let loaded = config::load_recorded(Recorded { path: "rig.toml".into(), header: start }, &[])?;
-    Ok(RecordingHeader {
-        session: format!("sim-{}-{}", scene.config.name, scene.config.seed),
-        origin: Origin::Simulated,
-        program: VERSION.split(' ').next().unwrap_or_default().to_owned(),
-        unix_at_zero: scene.unix_at_zero(),
-        config: show::text(&loaded.tree, false),
-        ..RecordingHeader::default()
-    })
+    let loaded = rig::operators(scene, Path::new("rig.toml"), &[])?;
+    Ok(rig::header(scene, &loaded, VERSION.split(' ').next().unwrap_or_default()))
 }
 
 /// A hundred times a second: pose of the mesh's frame in the rig's, angular velocity in rig axes, rad/s.

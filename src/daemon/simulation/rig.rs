@@ -1,8 +1,12 @@
 //! The config of a simulated rig.
 
 use core::fmt::Write;
+use std::path::Path;
 
+use tumbled_io::recording::{Origin, RecordingHeader};
 use tumbled_sim::scene::{Scene, Transform};
+
+use crate::config::{self, ConfigError, Loaded, Recorded, show};
 
 /// Whose view of the rig it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +15,28 @@ pub enum View {
     Operator,
     /// The truth.
     Truth,
+}
+
+/// The config that an operator of a scene's rig would have, loaded; `name` is what messages call it.
+///
+/// # Errors
+/// `settings` that the config does not take.
+pub fn operators(scene: &Scene, name: &Path, settings: &[String]) -> Result<Loaded, ConfigError> {
+    let header = RecordingHeader { config: toml(scene, View::Operator), ..RecordingHeader::default() };
+    config::load_recorded(Recorded { path: name.to_owned(), header }, settings)
+}
+
+/// What a recording of a scene says of itself.
+pub fn header(scene: &Scene, loaded: &Loaded, program: &str) -> RecordingHeader {
+    RecordingHeader {
+        session: format!("sim-{}-{}", scene.config.name, scene.config.seed),
+        origin: Origin::Simulated,
+        program: program.to_owned(),
+        unix_at_zero: scene.unix_at_zero(),
+        config: show::text(&loaded.tree, false),
+        files: loaded.config.attachments(),
+        ..RecordingHeader::default()
+    }
 }
 
 /// The config of a scene's rig, TOML.
