@@ -42,6 +42,10 @@ use tumbled_velodyne::wire::{BLOCKS, SLOTS};
 /// A body nearer than this to the sensor's centre is its own housing, m.
 const HOUSING_M: f64 = 0.06;
 
+/// When an HDL-64E says it was calibrated.
+const CALIBRATED: CivilTime =
+    CivilTime { year: 2016, month: 11, day: 15, hour: 12, minute: 0, second: 0, nanosecond: 0 };
+
 /// A packet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Packet {
@@ -80,7 +84,10 @@ impl LidarModel {
             Head::BuiltIn(_) => None,
             Head::Hdl64e { generation, calibration } => {
                 let unit = Unit {
+                    // Readers of the calibration that a sensor sends take one without a date for none.
+                    calibrated: Some(CALIBRATED),
                     rpm: config.rpm as i16,
+                    view_to_cdeg: 36_000,
                     return_mode: match config.mode {
                         ReturnMode::Strongest => 0,
                         ReturnMode::Last => 1,
