@@ -8,6 +8,7 @@ mod config_session;
 mod export_cli;
 mod export_losses;
 mod export_outputs;
+mod foreign_kinect;
 mod foreign_lidar;
 #[cfg(feature = "foxglove")]
 mod foxglove;
