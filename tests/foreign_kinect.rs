@@ -54,7 +54,9 @@ fn fakenect_plays_every_simulated_frame_with_its_stamp_unchanged() {
     let mut expected = Vec::new();
     let (mut raw, mut count) = (RawImage::new(), 0);
     for event in Reader::open(&[bench.path("out/capture.mcap")]).expect("opens") {
-        let Body::DepthFrame { ticks, encoding, bytes, lost_packets, .. } = event.expect("reads").body else { continue };
+        let Body::DepthFrame { ticks, encoding, bytes, lost_packets, .. } = event.expect("reads").body else {
+            continue;
+        };
         decode_raw(encoding, &bytes, &lost_packets, &mut raw).expect("a whole frame");
         expected.extend(ticks.expect("stamped").0.to_ne_bytes());
         expected.extend(raw.pixels().iter().flat_map(|code| code.0.to_ne_bytes()));

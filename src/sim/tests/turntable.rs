@@ -9,6 +9,8 @@ use tumbled_serial::zaber::{
     Address, Checksums, Command, Heard, LineSettings, Listener, Message, MessageId, Parser, PollSettings, Rejection,
     Reply, Request, Sample, Scale, Setting, Switch, Warning,
 };
+use tumbled_sim::motion::profile::Profile;
+use tumbled_sim::motion::turntable::Turntable;
 use tumbled_sim::turntable::{
     CommandedStage, EmulatorSettings, Latency, LineLogSettings, Mishaps, ScriptedStage, Stage, StageFault, StageMotion,
     StageState, ZaberEmulator, serial_log,
@@ -78,6 +80,50 @@ fn the_angle_in_the_bytes_is_the_stages_angle_to_a_count() {
         assert!(sample.moving && sample.trusted());
         // 600 µs each way and the first byte's 86.805 µs.
         assert_eq!(sample.half_rtt, Span((1_200_000 + 86_805) / 2));
+    }
+}
+
+#[test]
+fn every_profile_of_a_turntable_is_in_the_bytes_to_a_count() {
+    let (rate, ramp) = (20.0 * DEG, Span::from_micros(500_000));
+    let profiles = [
+        Profile::Constant { rate_rps: -rate },
+        Profile::Ramp { from_rps: 0.0, to_rps: rate, begins: s(2.0), lasts: Span::from_micros(8_000_000) },
+        Profile::StopAndGo {
+            rate_rps: rate,
+            stop: Span::from_micros(1_500_000),
+            go: Span::from_micros(3_000_000),
+            ramp,
+        },
+        Profile::Steps {
+            step_rad: 22.5 * DEG,
+            rest: Span::from_micros(700_000),
+            moving: Span::from_micros(1_800_000),
+            ramp,
+            count: 16,
+        },
+        Profile::Sinusoid { mean_rps: 0.1 * rate, amplitude_rad: 30.0 * DEG, period: Span::from_micros(9_000_000) },
+    ];
+    for profile in profiles {
+        let table = Turntable {
+            axis: nalgebra::Vector3::z_axis(),
+            centre: nalgebra::Point3::origin(),
+            mount: nalgebra::Isometry3::identity(),
+            start_rad: 10.0 * DEG,
+            profile,
+        };
+        let motion: StageMotion = Arc::new(move |t| {
+            let turn = table.stage(t);
+            StageState { angle_rad: turn.angle_rad, rate_rps: turn.rate_rps }
+        });
+        let (samples, _) = listen(&log(scripted(motion, vec![]), settings(), &session(45.0)));
+        assert!(samples.len() > 2_200, "{profile:?}: {}", samples.len());
+        for sample in &samples {
+            let true_counts = table.counts(sample.at, 768_000);
+            assert!((sample.counts - true_counts).abs() <= 1, "{profile:?}: {sample:?}, truth {true_counts}");
+        }
+        let farthest = samples.iter().map(|sample| sample.counts.abs_diff(samples[0].counts)).max();
+        assert!(farthest > Some(100_000), "{profile:?} turned by {farthest:?} counts");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Shadows, edges, flying pixels, drop-outs and empty columns.
 
-use crate::scenes::{SEED, code, frame, kinect, placed, plate, wall};
+use crate::scenes::{SEED, code, frame, kinect, placed, plate, received, wall};
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
 use tumbled_kinect::{Intrinsics, ZeroPlane};
@@ -47,6 +47,20 @@ fn the_shadow_lies_left_of_the_near_surface_and_is_as_wide_as_the_baseline_makes
         let (first, wide) = found[0];
         assert!((wide as f64 - width).abs() <= 1.0, "{near} m before {far} m: {wide} px, expected {width}");
         assert_eq!(first + wide, edge.ceil() as usize, "it ends at the plate");
+    }
+}
+
+#[test]
+fn shadows_of_a_real_device_with_its_ragged_edges_are_as_wide_in_the_mean() {
+    for (near, far) in [(0.8, 1.2), (0.8, 1.6), (1.0, 2.0), (1.0, 3.0), (1.5, 2.5), (1.5, 4.0), (2.0, 4.0)] {
+        let frame = frame(KinectParameters::default(), &plate_before_wall(near, far));
+        // Rows clear of the plate's upper and lower end, 575.8 · 0.15/near to either side, and of their raggedness.
+        let half = (86.37 / near) as usize - 8;
+        let rows = 240 - half..240 + half;
+        let empty: usize = rows.clone().flat_map(|v| holes(&frame, v)).map(|(_, width)| width).sum();
+        let (found, expected) = (empty as f64 / rows.len() as f64, 43.185 * (1.0 / near - 1.0 / far));
+        println!("{near} m before {far} m: {found:.1} px, expected {expected:.1} px");
+        assert!((found / expected - 1.0).abs() < 0.15, "{near} m before {far} m: {found} px, expected {expected}");
     }
 }
 
@@ -172,7 +186,7 @@ fn rows_are_seen_one_after_the_other() {
     let body = Body { role: Role::Target, mesh: Arc::new(plate(0.2, 5.0, Material::Matt)), motion };
     let world = World::new(vec![body]);
     let parameters = KinectParameters { readout_s: 0.03, ..KinectParameters::ideal() };
-    let frame = kinect(parameters).frame(&world, RigNs(100_000_000), 0, SEED);
+    let frame = received(kinect(parameters).frame(&world, RigNs(100_000_000), 0, SEED));
     for v in [0, 100, 240, 479] {
         // Right edge: x = 0.2 + t.
         let t = 0.1 + 0.03 * (v as f64 / 480.0 - 0.5);
@@ -188,7 +202,7 @@ fn distortion_bends_what_is_straight() {
     let camera = Intrinsics { k1: -0.1, k2: 0.02, p1: 1e-3, ..Intrinsics::default() };
     let kinect = KinectModel::new("bent", &camera, Isometry3::identity(), KinectParameters::ideal()).expect("a camera");
     let plate = placed(plate(0.6, 0.45, Material::Matt), [0.0, 0.0, 1.5], 0.0, 0.0, Role::Target);
-    let frame = kinect.frame(&World::new(vec![plate]), RigNs(0), 0, SEED);
+    let frame = received(kinect.frame(&World::new(vec![plate]), RigNs(0), 0, SEED));
     for y in [-0.2, 0.0, 0.25] {
         let (u, v) = camera.pixel(0.6 / 1.5, y);
         let last = (0..632).rev().find(|u| code(&frame, *u, v.round() as usize).is_some()).expect("in the row");

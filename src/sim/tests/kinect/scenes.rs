@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::sync::Arc;
-use tumbled_kinect::{Intrinsics, RawDisparity};
-use tumbled_model::RigNs;
+use tumbled_kinect::{DepthImage, DepthTable, Intrinsics, RawDisparity, ZeroPlane, decode_metres, decode_raw};
+use tumbled_model::{DepthEncoding, PacketMask, RigNs};
 use tumbled_sim::kinect::{Frame, KinectModel, KinectParameters};
 use tumbled_sim::motion::Still;
 use tumbled_sim::shape::{Material, Mesh, Triangle};
@@ -38,7 +38,23 @@ pub(crate) fn kinect(parameters: KinectParameters) -> KinectModel {
 }
 
 pub(crate) fn frame(parameters: KinectParameters, world: &World) -> Frame {
-    kinect(parameters).frame(world, RigNs(0), 0, SEED)
+    received(kinect(parameters).frame(world, RigNs(0), 0, SEED))
+}
+
+/// A frame as a host has it: its codes are what the decoder makes of the bytes on the wire.
+pub(crate) fn received(mut frame: Frame) -> Frame {
+    let bytes = frame.packed().expect("eleven bits");
+    decode_raw(DepthEncoding::Packed11, &bytes, &PacketMask::NONE, &mut frame.raw).expect("a whole frame");
+    frame
+}
+
+/// Depth by pixel, m, as the decoder tells it; 0 = no data.
+pub(crate) fn metres(frame: &Frame) -> DepthImage {
+    let bytes = frame.packed().expect("eleven bits");
+    let mut metres = DepthImage::new();
+    let table = DepthTable::from_law(&ZeroPlane::default());
+    decode_metres(DepthEncoding::Packed11, &bytes, &PacketMask::NONE, &table, &mut metres).expect("a whole frame");
+    metres
 }
 
 /// A pixel's code; `None`: no data.
