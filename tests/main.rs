@@ -25,6 +25,7 @@ mod rig_files;
 mod run_cli;
 mod schemas;
 mod simulated;
+mod simulated_stage;
 mod soak;
 mod stalls;
 mod status_cli;
