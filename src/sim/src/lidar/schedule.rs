@@ -219,7 +219,7 @@ mod tests {
     proptest! {
         /// Packets made one by one are those of a head that is followed from the start.
         #[test]
-        fn any_packet_is_that_of_the_run(
+        fn packets_made_one_by_one_are_those_of_the_run(
             rpm in prop::sample::select(vec![300u32, 600, 1_200]),
             group_ns in prop::sample::select(vec![46_080u32, 48_000, 55_296, 110_592]),
             groups in prop::sample::select(vec![3usize, 6, 12]),

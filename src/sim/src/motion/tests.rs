@@ -81,7 +81,7 @@ proptest! {
     /// Central differences over ±0.2 ms. Draws where a profile's rate bends within that are set aside: there the
     /// difference is a mean over the bend.
     #[test]
-    fn any_motion_has_the_velocities_that_its_poses_show(motion in motion(), t_ms in -5_000_i64..60_000) {
+    fn motions_have_the_velocities_that_their_poses_show(motion in motion(), t_ms in -5_000_i64..60_000) {
         const H: i64 = 200_000;
         let t = RigNs(t_ms * 1_000_000 + 333_333);
         let (before, now, after) = (motion.state(RigNs(t.0 - H)), motion.state(t), motion.state(RigNs(t.0 + H)));
@@ -96,7 +96,7 @@ proptest! {
     }
 
     #[test]
-    fn any_motion_is_a_rotation_and_a_place_at_any_time(motion in motion(), t in any::<i64>()) {
+    fn motions_are_a_rotation_and_a_place_at_any_time(motion in motion(), t in any::<i64>()) {
         let state = motion.state(RigNs(t));
         prop_assert!((state.t_rig_body.rotation.norm() - 1.0).abs() < 1e-12);
         prop_assert!(state.t_rig_body.translation.vector.iter().all(|x| x.is_finite()));

@@ -141,7 +141,7 @@ fn rate() -> impl Strategy<Value = f64> {
 
 proptest! {
     #[test]
-    fn any_tumble_holds_energy_and_momentum(
+    fn tumbles_hold_energy_and_momentum(
         inertia in [moment(), moment(), moment()],
         rates in [rate(), rate(), rate()],
         times in prop::collection::vec(-1e3..1e3_f64, 1..20),

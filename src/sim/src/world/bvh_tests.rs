@@ -38,7 +38,7 @@ fn line() -> impl Strategy<Value = Line> {
 
 proptest! {
     #[test]
-    fn any_ray_meets_in_the_tree_what_it_meets_trying_every_triangle(
+    fn rays_meet_in_the_tree_what_they_meet_trying_every_triangle(
         mesh in mesh(),
         lines in prop::collection::vec(line(), 1..20),
         nearest in prop_oneof![Just(0.0), 0.0..1.0],
@@ -54,7 +54,7 @@ proptest! {
     }
 
     #[test]
-    fn any_mesh_lies_in_its_sphere(mesh in mesh()) {
+    fn meshes_lie_in_their_spheres(mesh in mesh()) {
         let bvh = Bvh::new(&mesh);
         let corners = Facet::all(&mesh).flat_map(|facet| facet.corners());
         prop_assert!(corners.into_iter().all(|corner| (corner - bvh.centre).norm() <= bvh.radius));
