@@ -1,6 +1,6 @@
 //! A frame's bytes to an image.
 
-use crate::frame::{FIRST_INVALID_RAW, RAW_CODES, RawDisparity, frame_bytes, is_depth_mm};
+use crate::frame::{FIRST_INVALID_RAW, RAW_CODES, RawDisparity, frame_bytes};
 use crate::image::{DepthImage, MmImage, RawImage};
 use crate::loss::lost_pixels;
 use crate::packed::{GROUP_BYTES, GROUP_PIXELS, unpack_group};
@@ -58,9 +58,7 @@ pub fn decode_metres(
     match encoding {
         DepthEncoding::Packed11 => unpack(bytes, pixels, |code| look_up(metres, code)),
         DepthEncoding::Raw11 => read_u16(bytes, pixels, |code| look_up(metres, code)),
-        DepthEncoding::Mm16 => {
-            read_u16(bytes, pixels, |mm| if is_depth_mm(mm) { f32::from(mm) / 1_000.0 } else { 0.0 })
-        }
+        DepthEncoding::Mm16 => read_u16(bytes, pixels, |mm| table.of_mm(mm)),
     }
     Ok(mask(lost, pixels, 0.0))
 }
@@ -83,7 +81,7 @@ pub fn decode_mm(
     match encoding {
         DepthEncoding::Packed11 => unpack(bytes, pixels, |code| look_up(depths, code)),
         DepthEncoding::Raw11 => read_u16(bytes, pixels, |code| look_up(depths, code)),
-        DepthEncoding::Mm16 => read_u16(bytes, pixels, |mm| if is_depth_mm(mm) { mm } else { 0 }),
+        DepthEncoding::Mm16 => read_u16(bytes, pixels, |mm| table.mm_of_mm(mm)),
     }
     Ok(mask(lost, pixels, 0))
 }

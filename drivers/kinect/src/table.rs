@@ -11,6 +11,8 @@ use crate::law::ZeroPlane;
 pub struct DepthTable {
     metres: Box<[f32; RAW_CODES]>,
     mm: Box<[u16; RAW_CODES]>,
+    /// What depths that came in millimetres are multiplied by.
+    scale: f64,
 }
 
 impl DepthTable {
@@ -24,6 +26,38 @@ impl DepthTable {
             }
         }
         table
+    }
+
+    /// The same with every depth multiplied by `factor`: those of frames in millimetres too, which no law has made.
+    /// Depths that leave the range are no data.
+    pub fn scaled(self, factor: f64) -> Self {
+        if factor == 1.0 {
+            return self;
+        }
+        let mut scaled = Self { scale: self.scale * factor, ..Self::empty() };
+        for (code, &depth) in (0..).map(RawDisparity).zip(self.metres.iter()) {
+            let metres = f64::from(depth) * factor;
+            // Cut off as the law's are.
+            scaled.set(code, metres, (metres * 1_000.0) as u16);
+        }
+        scaled
+    }
+
+    /// A depth that came in millimetres, m.
+    pub(crate) fn of_mm(&self, mm: u16) -> f32 {
+        if self.scale == 1.0 {
+            return if is_depth_mm(mm) { f32::from(mm) / 1_000.0 } else { 0.0 };
+        }
+        if self.mm_of_mm(mm) > 0 { (f64::from(mm) * 1e-3 * self.scale) as f32 } else { 0.0 }
+    }
+
+    /// The same in millimetres.
+    pub(crate) fn mm_of_mm(&self, mm: u16) -> u16 {
+        if self.scale == 1.0 {
+            return if is_depth_mm(mm) { mm } else { 0 };
+        }
+        let scaled = (f64::from(mm) * self.scale).round() as u16;
+        if is_depth_mm(mm) && is_depth_mm(scaled) { scaled } else { 0 }
     }
 
     /// Depth in metres by code; 0 = no data.
@@ -43,7 +77,7 @@ impl DepthTable {
 
     /// A table in which no code has a depth.
     pub(crate) fn empty() -> Self {
-        Self { metres: Box::new([0.0; RAW_CODES]), mm: Box::new([0; RAW_CODES]) }
+        Self { metres: Box::new([0.0; RAW_CODES]), mm: Box::new([0; RAW_CODES]), scale: 1.0 }
     }
 
     /// Gives a code its depth, unless one or the other is not one.
@@ -80,6 +114,20 @@ mod tests {
             let past = f64::from(metres) * 1_000.0 - f64::from(mm);
             assert!((-0.001..1.001).contains(&past), "{metres} m, {mm} mm");
         }
+    }
+
+    #[test]
+    fn a_scale_multiplies_every_depth_and_what_leaves_the_range_is_no_data() {
+        let (table, scaled) =
+            (DepthTable::from_law(&ZeroPlane::default()), DepthTable::from_law(&ZeroPlane::default()).scaled(1.1));
+        for (&before, &after) in table.metres().iter().zip(scaled.metres()) {
+            let expected = if before * 1.1 < 10.0 { before * 1.1 } else { 0.0 };
+            assert!((after - expected).abs() < 1e-5, "{before} {after}");
+        }
+        assert!(scaled.metres().iter().zip(scaled.mm()).all(|(&metres, &mm)| (metres > 0.0) == (mm > 0)));
+        assert!((scaled.of_mm(2_000) - 2.2).abs() < 1e-6 && scaled.mm_of_mm(2_000) == 2_200);
+        assert_eq!([0, 9_500].map(|mm| (scaled.of_mm(mm), scaled.mm_of_mm(mm))), [(0.0, 0); 2]);
+        assert_eq!(table.clone().scaled(1.0), table);
     }
 
     #[test]
