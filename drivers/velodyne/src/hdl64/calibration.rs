@@ -242,6 +242,11 @@ impl Calibration {
         }
     }
 
+    /// As Velodyne's `db.xml`: [`Self::parse`] reads it.
+    pub fn to_db_xml(&self) -> String {
+        db_xml::write(self)
+    }
+
     /// The lasers by id.
     pub fn lasers(&self) -> &[LaserCalibration; LASERS] {
         &self.lasers
