@@ -141,6 +141,16 @@ struct Matcher {
     counts: Counts,
 }
 
+/// Whether a recorded chunk is what the host asked, as [`Listener::overheard`] tells it.
+pub fn is_request(bytes: &[u8]) -> bool {
+    requested(bytes).is_some()
+}
+
+fn requested(bytes: &[u8]) -> Option<Request> {
+    let line = core::str::from_utf8(bytes).unwrap_or_default().trim_end();
+    RequestLine::parse(line)?.request()
+}
+
 fn bit(id: MessageId) -> u128 {
     1 << id.number()
 }
@@ -181,8 +191,7 @@ impl Listener {
     /// A chunk of either side, as a recording holds them: a request is one chunk and begins with `/`, which no line of
     /// a device does.
     pub fn overheard(&mut self, at: RigNs, bytes: &[u8], out: &mut Vec<Heard>) {
-        let line = core::str::from_utf8(bytes).unwrap_or_default().trim_end();
-        match RequestLine::parse(line).and_then(|line| line.request()) {
+        match requested(bytes) {
             Some(request) => self.sent(at, &request),
             None => self.heard(at, bytes, out),
         }

@@ -44,7 +44,7 @@ pub use address::{Address, MessageId};
 pub use checksum::checksum;
 pub use command::{Command, Rejection, Scope, Setting, Switch};
 pub use identity::Identity;
-pub use listener::{Counts, Heard, LineSettings, Listener, PositionKind, Sample, byte_time};
+pub use listener::{Counts, Heard, LineSettings, Listener, PositionKind, Sample, byte_time, is_request};
 pub use message::{Alert, Checksums, Info, Message, MessageError, PACKET_BYTES, Reply};
 pub use parser::{LineCounts, Parser};
 pub use poll::{Freshness, Poll, PollSettings, TooManyCommands, Turn, reopen_after};
