@@ -88,9 +88,9 @@ fn the_commented_default_shows_every_key() {
     let report: ShowReport = bench.run(&["config", "show", "--json", "--config", file.to_str().expect("UTF-8")]).json();
     let missing: Vec<_> = report.keys.iter().filter(|key| key.layer == Layer::Default).map(|key| &key.key).collect();
     assert!(missing.is_empty(), "not in config/rig.toml: {missing:?}");
-    // 2 of the rig, 13 of the LiDAR (its transform is two), 15 of the Kinect (9 intrinsics, transform two), 2 of the
-    // turntable, 2 of the target, 2 of the point; 3 of the time, 4 of the stream, 4 of the record.
-    assert_eq!(report.keys.len(), 2 + 13 + 15 + 2 + 2 + 2 + 3 + 4 + 4);
+    // 2 of the rig, 16 of the LiDAR (its transform is two, its sigma three), 20 of the Kinect (9 intrinsics, transform two,
+    // sigma four), 2 of the turntable, 2 of the target, 2 of the point; 3 of the time, 4 of the stream, 4 of the record.
+    assert_eq!(report.keys.len(), 2 + 16 + 20 + 2 + 2 + 2 + 3 + 4 + 4);
 }
 
 #[test]

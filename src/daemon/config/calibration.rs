@@ -6,6 +6,7 @@
 //! time_offset_ms = 1.5
 //! [kinect.near]
 //! intrinsics = { fx = 580.1, fy = 579.6, cx = 318.2, cy = 242.9 }
+//! sigma = { rotation_deg = 0.2, translation_m = 0.004, time_offset_ms = 2.0, depth_scale = 0.003 }
 //! ```
 //! A transform or intrinsics given here replaces the one in the config whole: half a calibrated rotation with half a
 //! drawn one would be neither. So they are complete here, and distortion left out is none.
@@ -19,6 +20,7 @@ use super::files::{FileFault, FileShelf, RigFile};
 use super::names::check_names;
 use super::origin::{Layer, Origin, SourceText};
 use super::problem::Problem;
+use super::raw::{RawKinectSigma, RawLidarSigma};
 use super::shape::Shape;
 use super::tree::{Entry, Node, Step, Value};
 
@@ -43,6 +45,8 @@ pub struct CalibratedLidar {
     /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
     #[schemars(range(min = -3_600_000.0, max = 3_600_000.0))]
     pub time_offset_ms: Option<f64>,
+    /// How far the two may be off: one standard deviation.
+    pub sigma: Option<RawLidarSigma>,
 }
 
 /// What a calibration found about one Kinect.
@@ -56,6 +60,11 @@ pub struct CalibratedKinect {
     pub time_offset_ms: Option<f64>,
     /// Pinhole model and distortion of the depth camera.
     pub intrinsics: Option<CalibratedIntrinsics>,
+    /// True depth over the depth law's: every depth is multiplied by it.
+    #[schemars(range(min = 0.5, max = 2.0))]
+    pub depth_scale: Option<f64>,
+    /// How far mounting, offset and scale may be off: one standard deviation.
+    pub sigma: Option<RawKinectSigma>,
 }
 
 /// A complete rigid transform.

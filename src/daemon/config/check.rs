@@ -149,6 +149,7 @@ impl Rules<'_> {
             calibration,
             t_rig_lidar: t_rig_lidar?,
             time_offset: span_of_ms(raw.time_offset_ms),
+            sigma: raw.sigma,
             range_min_m: raw.range_min_m,
             range_max_m: raw.range_max_m,
             hdl32e_stamp: raw.hdl32e_stamp,
@@ -186,7 +187,9 @@ impl Rules<'_> {
             intrinsics: raw.intrinsics,
             t_rig_kinect: t_rig_kinect?,
             time_offset: span_of_ms(raw.time_offset_ms),
+            sigma: raw.sigma,
             depth_table,
+            depth_scale: raw.depth_scale,
         })
     }
 

@@ -37,7 +37,7 @@ pub use files::{Recorded, RigFile};
 pub use layers::{ConfigError, load, load_recorded};
 pub use origin::Layer;
 pub use problem::{Gravity, Problem, ProblemReport};
-pub use raw::{Hdl32eStamp, Intrinsics, LidarModel, Switch, TurntableProtocol};
+pub use raw::{Hdl32eStamp, Intrinsics, LidarModel, RawKinectSigma, RawLidarSigma, Switch, TurntableProtocol};
 pub use raw_session::ClockMethod;
 pub use session::{DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 
@@ -116,6 +116,8 @@ pub struct LidarConfig {
     pub t_rig_lidar: Iso<Rig, Lidar>,
     /// How late the stamps are: measurement time = mapped stamp - offset. Within an hour.
     pub time_offset: Span,
+    /// How well mounting and offset are known; `None`: nobody says.
+    pub sigma: Option<RawLidarSigma>,
     /// Nearest range used, m, at least 0; `None`: the model's.
     pub range_min_m: Option<f64>,
     /// Farthest range used, m, above the nearest; `None`: the model's.
@@ -137,8 +139,12 @@ pub struct KinectConfig {
     pub t_rig_kinect: Iso<Rig, Kinect>,
     /// How late the stamps are: measurement time = mapped stamp - offset. Within an hour.
     pub time_offset: Span,
+    /// How well mounting, offset and scale are known; `None`: nobody says.
+    pub sigma: Option<RawKinectSigma>,
     /// The camera's own depth law; `None`: the factory law.
     pub depth_table: Option<RigFile>,
+    /// True depth over the depth law's, 0.5 to 2.
+    pub depth_scale: f64,
 }
 
 /// The turntable.

@@ -107,6 +107,8 @@ pub struct RawLidar {
     /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
     #[schemars(range(min = -3_600_000.0, max = 3_600_000.0))]
     pub time_offset_ms: f64,
+    /// How far the mounting and the offset may be off: one standard deviation; left out: not known.
+    pub sigma: Option<RawLidarSigma>,
     /// Nearest range used, m; left out: the model's. Exports of packets keep every range.
     #[schemars(range(min = 0.0))]
     pub range_min_m: Option<f64>,
@@ -129,6 +131,7 @@ impl Default for RawLidar {
             calibration: None,
             t_rig_lidar: RawTransform::default(),
             time_offset_ms: 0.0,
+            sigma: None,
             range_min_m: None,
             range_max_m: None,
             hdl32e_stamp: Hdl32eStamp::First,
@@ -197,8 +200,46 @@ pub struct RawKinect {
     /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
     #[schemars(range(min = -3_600_000.0, max = 3_600_000.0))]
     pub time_offset_ms: f64,
+    /// How far mounting, offset and scale may be off: one standard deviation; left out: not known.
+    pub sigma: Option<RawKinectSigma>,
     /// This camera's own depth law: CSV `raw11,depth_mm`; left out: the factory law.
     pub depth_table: Option<String>,
+    /// True depth over the depth law's: every depth is multiplied by it.
+    #[schemars(range(min = 0.5, max = 2.0))]
+    pub depth_scale: f64,
+}
+
+/// How well a LiDAR's place and time are known: one standard deviation each, as a calibration states them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawLidarSigma {
+    /// Of the mounting's rotation, the whole angle, degrees.
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub rotation_deg: f64,
+    /// Of its translation, the whole length, m.
+    #[schemars(range(min = 0.0))]
+    pub translation_m: f64,
+    /// Of the time offset, ms.
+    #[schemars(range(min = 0.0, max = 3_600_000.0))]
+    pub time_offset_ms: f64,
+}
+
+/// How well a Kinect's place, time and depth scale are known: one standard deviation each, as a calibration states them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawKinectSigma {
+    /// Of the mounting's rotation, the whole angle, degrees.
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub rotation_deg: f64,
+    /// Of its translation, the whole length, m.
+    #[schemars(range(min = 0.0))]
+    pub translation_m: f64,
+    /// Of the time offset, ms.
+    #[schemars(range(min = 0.0, max = 3_600_000.0))]
+    pub time_offset_ms: f64,
+    /// Of the depth scale, a share of it.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub depth_scale: f64,
 }
 
 impl Default for RawKinect {
@@ -209,7 +250,9 @@ impl Default for RawKinect {
             intrinsics: Intrinsics::default(),
             t_rig_kinect: RawTransform::default(),
             time_offset_ms: 0.0,
+            sigma: None,
             depth_table: None,
+            depth_scale: 1.0,
         }
     }
 }

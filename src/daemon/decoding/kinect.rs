@@ -24,11 +24,15 @@ pub struct KinectDecoder {
     points: Points,
 }
 
-/// The config's depth law.
+/// The config's depth law, scaled.
 ///
 /// # Errors
 /// A table that cannot be used: exit code 2.
 pub fn depth_table(kinect: &KinectConfig) -> Result<DepthTable, Failure> {
+    Ok(depth_law(kinect)?.scaled(kinect.depth_scale))
+}
+
+fn depth_law(kinect: &KinectConfig) -> Result<DepthTable, Failure> {
     let Some(file) = &kinect.depth_table else { return Ok(DepthTable::from_law(&ZeroPlane::default())) };
     let problem = |error: String| Failure::input(format!("the depth table {}: {error}", file.place));
     let text = file.text().map_err(|error| problem(error.to_string()))?;
