@@ -1,14 +1,16 @@
 //! The published JSON Schemas are those of the types.
 
+use std::collections::BTreeSet;
 use std::fs;
 
-use tumbled::schema::{Published, config, outputs};
+use tumbled::schema::{Published, config, files, outputs};
 
 use crate::support::repository;
 
 fn all() -> Vec<Published> {
     let mut all = outputs();
     all.push(config());
+    all.extend(files());
     all
 }
 
@@ -25,12 +27,48 @@ fn published_schemas_are_current() {
 }
 
 #[test]
-fn docs_schema_holds_no_schema_of_an_output_that_is_gone() {
+fn docs_schema_holds_no_schema_of_anything_that_is_gone() {
     let known: Vec<_> = all().iter().map(|published| repository().join(published.file)).collect();
     for entry in fs::read_dir(repository().join("docs/schema")).expect("docs/schema") {
         let path = entry.expect("an entry").path();
         let stale = path.to_string_lossy().ends_with(".schema.json") && !known.contains(&path);
-        assert!(!stale, "{} belongs to no output", path.display());
+        assert!(!stale, "{} belongs to nothing", path.display());
+    }
+}
+
+/// The names of all keys and of all alternatives in a schema.
+fn keys(schema: &serde_json::Value, found: &mut BTreeSet<String>) {
+    match schema {
+        serde_json::Value::Object(entries) => {
+            for (name, value) in entries {
+                match (name.as_str(), value) {
+                    ("properties", serde_json::Value::Object(properties)) => {
+                        found.extend(properties.keys().cloned());
+                        properties.values().for_each(|property| keys(property, found));
+                    }
+                    ("const", serde_json::Value::String(word)) => {
+                        found.insert(word.clone());
+                    }
+                    ("default", _) => {}
+                    _ => keys(value, found),
+                }
+            }
+        }
+        serde_json::Value::Array(values) => values.iter().for_each(|value| keys(value, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_documentation_of_scene_and_fault_files_has_every_key() {
+    for (published, document) in files().iter().zip(["docs/scenes.md", "docs/faults.md"]) {
+        let text = fs::read_to_string(repository().join(document)).expect("a document");
+        let mut found = BTreeSet::new();
+        keys(published.schema.as_value(), &mut found);
+        let words: BTreeSet<&str> =
+            text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '-')).collect();
+        let missing: Vec<_> = found.iter().filter(|key| !words.contains(key.as_str())).collect();
+        assert!(found.len() > 20 && missing.is_empty(), "{document}: {missing:?}");
     }
 }
 

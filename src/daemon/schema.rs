@@ -5,6 +5,8 @@
 //! report here.
 
 use schemars::{Schema, schema_for};
+use tumbled_sim::faults::FaultScript;
+use tumbled_sim::scene::SceneConfig;
 
 use crate::cli::config::check::CheckReport;
 use crate::config::raw::RawConfig;
@@ -30,6 +32,14 @@ impl Published {
 /// The schema of the config file: what `tumbled config schema` prints.
 pub fn config() -> Published {
     Published { file: "config/rig.schema.json", schema: schema_for!(RawConfig) }
+}
+
+/// The schemas of the other files that people write: with them an editor knows the keys.
+pub fn files() -> Vec<Published> {
+    vec![
+        Published { file: "docs/schema/scene.schema.json", schema: schema_for!(SceneConfig) },
+        Published { file: "docs/schema/faults.schema.json", schema: schema_for!(FaultScript) },
+    ]
 }
 
 /// The schemas of every JSON output.

@@ -42,7 +42,7 @@ pub use clock::{
 };
 pub use config::{CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing};
 pub use epoch::{Epoch, KinectScan, LidarScan, RigCloud, Scan, TimeBasis};
-pub use health::{CoreHealth, Level, SensorHealth};
+pub use health::{CoreHealth, Level, SensorHealth, SensorKind};
 pub use notice::{Gravity, Notice, NoticeKind};
 pub use pipeline::{Outputs, Pipeline};
 pub use workers::Workers;

@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 fn open(path: &Path, config: &Config) -> Result<Inputs, Failure> {
-    Inputs::open_ledger(&[path], config)
+    Inputs::open_ledger(&[path], config, 0)
 }
 
 fn compare_all(a: &mut Inputs, b: &mut Inputs) -> Result<DiffReport, Failure> {

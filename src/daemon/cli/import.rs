@@ -11,12 +11,13 @@ use tumbled_io::capture::StampOrigin;
 use tumbled_io::recording::{
     Origin, Recorder, RecorderOptions, RecordingHeader, RecordingSummary, digest_of, import_session,
 };
+use tumbled_sim::faults::FaultTruth;
 
 use super::ledger::{self, LedgerReport};
-use super::{Failure, InputArgs, Outcome, VERSION, output};
+use super::{Failure, FaultArgs, InputArgs, Outcome, VERSION, output};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
-use crate::simulation::rig;
+use crate::simulation::{faults, rig};
 
 /// What `import` is asked for.
 #[derive(Debug, ClapArgs)]
@@ -27,6 +28,8 @@ use crate::simulation::rig;
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
+    #[command(flatten)]
+    faults: FaultArgs,
     /// The recording to write.
     #[arg(short = 'o', long = "output", value_name = "FILE.mcap")]
     output: PathBuf,
@@ -55,6 +58,8 @@ pub struct ImportReport {
     pub ledger: LedgerReport,
     /// Everything in the inputs that is for a sensor of the config was imported; otherwise the exit code is 3.
     pub whole: bool,
+    /// What was injected; null: nothing was asked for.
+    pub faults: Option<FaultTruth>,
     /// What a person should know.
     pub warnings: Vec<String>,
 }
@@ -65,9 +70,11 @@ pub struct ImportReport {
 /// Exit code 2: an input that cannot be used, an output that is there. 1: an output that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     refuse_input_as_output(&args.output, &args.input.inputs)?;
-    // A recording alone is copied with its own config, which need not be understood for that.
-    let loaded = if args.input.is_scene() { args.input.load()? } else { args.input.config.load()? };
-    let mut inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config)?;
+    // A recording alone is copied with its own config, which need not be understood for that; faults name its sensors.
+    let loaded =
+        if args.input.is_scene() || args.faults.asked_for() { args.input.load()? } else { args.input.config.load()? };
+    let inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config, 0)?;
+    let mut inputs = args.faults.inject(inputs, &loaded.config)?;
     let header = header(&inputs, &args.input.inputs, &loaded)?;
     let mut recorder = create(&args.output, header.clone(), args.force)?;
     let recorded = copy(&mut inputs, &mut recorder);
@@ -77,6 +84,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         std::fs::remove_file(&args.output).unwrap_or_default();
         return Err(failure);
     }
+    let mut warnings = inputs.warnings();
+    warnings.extend(args.faults.warning(&inputs));
     let report = ImportReport {
         output: args.output.clone(),
         session: header.session,
@@ -84,7 +93,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         epoch_unix_ns: (!header.synthetic_times).then(|| header.unix_at_zero.0.to_string()),
         ledger: (&summary.counters).into(),
         whole: !inputs.data_lost(),
-        warnings: inputs.warnings(),
+        faults: inputs.faults().cloned(),
+        warnings,
     };
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if args.json {
@@ -128,8 +138,14 @@ pub(crate) fn create_with(path: &Path, header: RecordingHeader, options: Recorde
     })
 }
 
-/// A recording alone keeps what it says of itself; anything else becomes an import.
+/// A recording alone keeps what it says of itself; anything else becomes an import. Faults are told.
 pub(super) fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<RecordingHeader, Failure> {
+    let mut header = header_without_faults(inputs, paths, loaded)?;
+    inputs.mark_faults(&mut header);
+    Ok(header)
+}
+
+fn header_without_faults(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<RecordingHeader, Failure> {
     if let Some(header) = inputs.recording() {
         return Ok(header.clone());
     }
@@ -185,6 +201,9 @@ fn text(report: &ImportReport) -> String {
     let mut text = format!("{events} events -> {path} ({:.1} MB)\n", report.file_bytes as f64 / 1e6);
     for line in ledger::table(&report.ledger) {
         text.push_str(&format!("  {line}\n"));
+    }
+    for line in report.faults.iter().flat_map(faults::lines) {
+        text.push_str(&format!("  faults at {line}\n"));
     }
     text
 }

@@ -6,8 +6,9 @@ use clap::Args;
 use tumbled_io::capture;
 
 use super::{Failure, render};
-use crate::config::{self, Loaded, Recorded};
-use crate::simulation::{rig, scene_of, scenes};
+use crate::config::{self, Config, Loaded, Recorded};
+use crate::decoding::Inputs;
+use crate::simulation::{faults, rig, scene_of, scenes};
 
 /// Where the config comes from.
 #[derive(Clone, Debug, Default, Args)]
@@ -69,4 +70,46 @@ pub struct InputArgs {
     /// The config to read them with.
     #[command(flatten)]
     pub config: ConfigArgs,
+}
+
+/// Faults on purpose.
+#[derive(Clone, Debug, Default, Args)]
+pub struct FaultArgs {
+    /// Let go wrong what a fault file says: loss, delay, reboots, unplugging and more; its name, or one of the program's
+    /// (lost-target, bad-lines). What comes out is a rehearsal and says `simulated`.
+    #[arg(long, value_name = "FILE")]
+    pub faults: Option<PathBuf>,
+}
+
+impl FaultArgs {
+    /// Whether any are asked for.
+    pub fn asked_for(&self) -> bool {
+        self.faults.is_some()
+    }
+
+    /// The inputs with the faults asked for.
+    ///
+    /// # Errors
+    /// A fault file that is none, or of sensors that the rig does not have: exit code 2.
+    pub fn inject(&self, inputs: Inputs, config: &Config) -> Result<Inputs, Failure> {
+        let Some(path) = &self.faults else { return Ok(inputs) };
+        let inputs = inputs.with_faults(faults::read_for(path, &faults::sensors(config))?)?;
+        tracing::warn!(
+            "FAULTS of {} are injected: a rehearsal and no measurement; it is compared with nothing recorded",
+            path.display()
+        );
+        Ok(inputs)
+    }
+
+    /// What a person should know of them at the end.
+    pub fn warning(&self, inputs: &Inputs) -> Option<String> {
+        let (path, truth) = (self.faults.as_ref()?.display(), inputs.faults()?);
+        Some(if faults::any_done(truth) {
+            format!(
+                "the faults of {path} were injected: this is not the session of the inputs, whose checkpoints were not compared"
+            )
+        } else {
+            format!("the faults of {path} did nothing: no item fell into their windows")
+        })
+    }
 }

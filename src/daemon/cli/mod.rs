@@ -30,7 +30,7 @@ pub mod status;
 pub mod verify;
 
 pub use failure::{Failure, Outcome};
-pub use input::{ConfigArgs, InputArgs};
+pub use input::{ConfigArgs, FaultArgs, InputArgs};
 
 pub use crate::quantity;
 

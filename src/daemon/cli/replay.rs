@@ -8,29 +8,34 @@ use std::time::{Duration, Instant};
 use clap::Args as ClapArgs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tumbled_core::SensorHealth;
+use tumbled_core::{SensorHealth, SensorKind};
 use tumbled_io::recording::thread::SYNC_EVERY;
 use tumbled_io::recording::{Origin, Recorder, RecordingHeader, ResultKind};
 use tumbled_model::{Event, UnixNs};
+use tumbled_sim::faults::FaultTruth;
 
-use super::{Failure, InputArgs, Outcome, import, output, signals};
+use super::{Failure, FaultArgs, InputArgs, Outcome, import, output, signals};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
 use crate::session::chain::rig_digest;
 use crate::session::pace::Waited;
 use crate::session::serve::{About, Server};
 use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, engine, lines::EpochLine, setup};
+use crate::simulation::faults;
 use crate::stream::{ShellHealth, StreamOrigin};
 
 /// What `replay` is asked for.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:\n  tumbled replay run.mcap --digest\n  \
-    tumbled replay run.mcap --speed 1 --serve\n  tumbled replay velodyne.pcap kinect/ --config rig.toml --epochs epochs.jsonl\n\n\
+    tumbled replay run.mcap --speed 1 --serve\n  tumbled replay velodyne.pcap kinect/ --config rig.toml --epochs epochs.jsonl\n  \
+    tumbled replay run.mcap --speed 1 --serve --faults lost-target\n\n\
     The same events give the same output to the bit, at any speed and on any number of threads.\n\
     Exit code 3: the inputs are damaged or incomplete; the log says where.")]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
+    #[command(flatten)]
+    faults: FaultArgs,
     /// `max`, or how many times as fast as it was recorded.
     #[arg(long, default_value = "max", value_name = "SPEED")]
     speed: Speed,
@@ -84,6 +89,8 @@ pub struct ReplayReport {
     pub sensors: Vec<SensorHealth>,
     /// Nothing of the inputs was missing and nothing stopped the replay. Otherwise the exit code is 3.
     pub complete: bool,
+    /// What was injected; null: nothing was asked for.
+    pub faults: Option<FaultTruth>,
     /// What a person should know.
     pub warnings: Vec<String>,
 }
@@ -100,7 +107,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let config = &loaded.config;
     let mut core = setup::core_config(config)?;
     core.ignore_skips = args.ignore_skips;
-    let mut inputs = Inputs::open_ledger(&args.input.inputs, config)?;
+    let inputs = Inputs::open_ledger(&args.input.inputs, config, args.threads)?;
+    let mut inputs = args.faults.inject(inputs, config)?;
     let interpreter = engine::interpreter(config, args.ignore_skips);
     let rig = rig_digest(&show::text(&loaded.tree, false), &config.attachments());
     let mut engine = Engine::new(core, rig, engine::workers(args.threads)?, interpreter);
@@ -108,7 +116,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut sinks = Sinks::open(args, &loaded, &inputs)?;
     let finished = play(&mut inputs, &mut engine, &mut sinks, &mut Pace::new(args.speed, stop))?;
     sinks.close()?;
-    let report = report(&inputs, &engine, finished);
+    let report = report(args, &inputs, &engine, finished);
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if args.json {
         output::json(&report)?;
@@ -152,8 +160,8 @@ struct Sinks {
 impl Sinks {
     fn open(args: &Args, loaded: &Loaded, inputs: &Inputs) -> Result<Self, Failure> {
         let unix_at_zero = inputs.epoch().unwrap_or_default();
-        let session = inputs.recording().map_or("replay", |header| header.session.as_str());
-        let about = About { session, origin: origin(inputs), unix_at_zero };
+        let session = session(inputs).unwrap_or_else(|| "replay".to_owned());
+        let about = About { session: &session, origin: origin(inputs), unix_at_zero };
         let (server, publish) = if args.serve {
             let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive)?;
             (Some(server), publish)
@@ -251,29 +259,38 @@ fn header(inputs: &Inputs, paths: &[PathBuf], loaded: &Loaded) -> Result<Recordi
     Ok(header)
 }
 
+/// The session of a recording that is replayed alone; with faults another one.
+fn session(inputs: &Inputs) -> Option<String> {
+    let mut header = RecordingHeader { session: inputs.recording()?.session.clone(), ..RecordingHeader::default() };
+    inputs.mark_faults(&mut header);
+    Some(header.session)
+}
+
 /// What the data are for those who see them now: never live.
 pub(super) fn origin(inputs: &Inputs) -> StreamOrigin {
-    if inputs.scene().is_some() {
+    if inputs.scene().is_some() || inputs.faults().is_some() {
         return StreamOrigin::Simulated;
     }
     let mut origins = inputs.captures().filter_map(|capture| capture.recording().map(|header| header.origin));
     if origins.any(|origin| origin == Origin::Simulated) { StreamOrigin::Simulated } else { StreamOrigin::Replay }
 }
 
-fn report(inputs: &Inputs, engine: &Engine, finished: bool) -> ReplayReport {
+fn report(args: &Args, inputs: &Inputs, engine: &Engine, finished: bool) -> ReplayReport {
     let checkpoint = engine.checkpoint();
     let mut warnings = inputs.warnings();
+    warnings.extend(args.faults.warning(inputs));
     if !finished {
         warnings.push("the replay was stopped before the inputs' end".to_owned());
     }
     ReplayReport {
-        session: inputs.recording().map(|header| header.session.clone()),
+        session: session(inputs),
         origin: origin(inputs),
         epoch_unix_ns: inputs.have_host_times().then(|| inputs.epoch()).flatten().map(|UnixNs(unix)| unix.to_string()),
         duration_s: checkpoint.t_ns as f64 * 1e-9,
         digest: checkpoint.outputs_digest(),
         sensors: engine.sensors(),
         complete: finished && !inputs.data_lost(),
+        faults: inputs.faults().cloned(),
         warnings,
         checkpoint,
     }
@@ -283,12 +300,16 @@ fn text(report: &ReplayReport) -> String {
     let Checkpoint { events, epochs, .. } = &report.checkpoint;
     let mut text = format!("{events} events, {epochs} epochs in {:.3} s of rig time\n", report.duration_s);
     for sensor in report.sensors.iter().filter(|sensor| sensor.received > 0) {
-        let SensorHealth { id, received, lost, points, .. } = sensor;
+        let SensorHealth { id, kind, received, lost, points, .. } = sensor;
         let clock = sensor.clock.map_or_else(String::new, |clock| format!(", clock {}", clock.state.name()));
-        text.push_str(&format!(
-            "  {id}: {received} received, {} lost, {} points in epochs of {} decoded{clock}\n",
-            lost.total, points.in_epochs, points.decoded
-        ));
+        let points = match kind {
+            SensorKind::Serial => String::new(),
+            _ => format!(", {} points in epochs of {} decoded", points.in_epochs, points.decoded),
+        };
+        text.push_str(&format!("  {id}: {received} received, {} lost{points}{clock}\n", lost.total));
+    }
+    for line in report.faults.iter().flat_map(faults::lines) {
+        text.push_str(&format!("  faults at {line}\n"));
     }
     text.push_str(&format!("digest {}\n", report.digest));
     text

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args as ClapArgs;
@@ -15,23 +14,24 @@ use tumbled_io::foreign::{FakenectFolder, PcapFile};
 use tumbled_io::recording::{Recorder, RecordingHeader};
 use tumbled_kinect::{RawImage, decode_raw};
 use tumbled_model::{Body, Event, RigNs, SensorId, Span, UnixNs};
-use tumbled_serial::zaber::PollSettings;
+use tumbled_serial::log::{LogEntry, Side};
+use tumbled_serial::zaber::is_request;
+use tumbled_sim::faults::{FaultInjector, FaultTruth};
 use tumbled_sim::scene::Scene;
-use tumbled_sim::turntable::{
-    EmulatorSettings, Latency, LineLogSettings, Mishaps, ScriptedStage, Stage, StageState, ZaberEmulator, serial_log,
-};
 use tumbled_velodyne::wire::POSITION_LEN;
 
-use super::{Failure, Outcome, VERSION, import, output};
+use super::{Failure, FaultArgs, Outcome, VERSION, import, output};
 use crate::quantity;
-use crate::simulation::{SimulatedLedger, rig, scenes};
+use crate::simulation::{SimulatedLedger, faults, rig, scenes};
 
 /// What `simulate` is asked for.
 #[derive(Debug, ClapArgs)]
 #[command(
-    after_help = "Examples:\n  tumbled simulate demo -o demo/ --duration 10s\n  tumbled simulate my-scene.toml -o out/ --seed 7\n\n\
+    after_help = "Examples:\n  tumbled simulate demo -o demo/ --duration 10s\n  tumbled simulate my-scene.toml -o out/ --seed 7\n  \
+    tumbled simulate demo -o rehearsal/ --duration 30s --faults lost-target\n\n\
     Writes capture.mcap, velodyne.pcap, kinect/ (a fakenect folder), serial.log (with a turntable), truth.csv, mesh.ply, \
-    rig.toml (what an operator would have) and rig-true.toml. The same scene and seed give the same bytes."
+    rig.toml (what an operator would have), rig-true.toml, db.xml (an HDL-64E's calibration) and faults.json (with --faults: \
+    what was done). The same scene and seed give the same bytes."
 )]
 pub struct Args {
     /// A scene of the program's (demo, tumble, turntable-20dps) or a file.
@@ -46,6 +46,8 @@ pub struct Args {
     /// Another seed than the scene's.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    #[command(flatten)]
+    faults: FaultArgs,
     /// Write into a folder that is not empty: files of the same names are replaced.
     #[arg(long)]
     force: bool,
@@ -68,8 +70,12 @@ pub struct SimulateReport {
     pub seed: u64,
     /// How long it lasted, s.
     pub duration_s: f64,
-    /// Packets and frames by sensor.
+    /// Packets, frames and chunks by sensor.
     pub items: BTreeMap<String, u64>,
+    /// What was injected; null: nothing was asked for.
+    pub faults: Option<FaultTruth>,
+    /// Frames in the recording alone: of a wrong length, a fakenect folder cannot hold them.
+    pub frames_left_out: u64,
     /// What was written, in the folder.
     pub files: Vec<PathBuf>,
 }
@@ -80,27 +86,45 @@ pub struct SimulateReport {
 /// Exit code 2: a scene that is none, a folder that is not empty. 1: what cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let scene = scenes::load_with(&args.scene, args.seed, args.duration)?;
+    let loaded = rig::operators(&scene, Path::new("rig.toml"), &[])?;
+    let script = args.faults.faults.as_ref();
+    let script = script.map(|path| faults::read_for(path, &faults::sensors(&loaded.config))).transpose()?;
     prepare(&args.output, args.force)?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().map_err(Failure::failed)?;
-    let mut files = Files::create(&args.output, &scene, args.force)?;
+    let pool = scenes::pool(args.threads)?;
+    // Of the recording: nothing of this machine, and nothing of this instant, is in it; the program without its commit.
+    let program = VERSION.split(' ').next().unwrap_or_default();
+    let mut header = rig::header(&scene, &loaded, program);
+    if let Some(script) = &script {
+        faults::mark(script, &mut header);
+    }
+    let mut files = Files::create(&args.output, &scene, header, args.force)?;
     files.describe(&scene).map_err(Failure::failed)?;
-    let mut ledger = SimulatedLedger::new(scene, Some(Arc::new(pool)));
+    let (asked_for, ledger) = (script.is_some(), SimulatedLedger::new(scene, Some(pool)));
+    let mut events = FaultInjector::new(ledger, script.unwrap_or_default()).map_err(Failure::input)?;
     let mut items: BTreeMap<String, u64> = BTreeMap::new();
-    let progress = progress(ledger.scene().duration());
-    for event in ledger.by_ref() {
+    let progress = progress(events.source().scene().duration());
+    for event in events.by_ref() {
         progress.set_position(u64::try_from(event.arrived.0 / 1_000_000).unwrap_or(0));
-        if let Some(sensor) = event.body.sensor() {
+        if let (Some(sensor), true) = (event.body.sensor(), is_item(&event.body)) {
             *items.entry(sensor.to_string()).or_default() += 1;
         }
         files.write(&event).map_err(Failure::failed)?;
     }
     progress.finish_and_clear();
-    let config = &ledger.scene().config;
+    let truth = asked_for.then(|| events.truth().clone());
+    if let Some(truth) = &truth {
+        files
+            .file("faults.json", |file| serde_json::to_writer_pretty(file, truth).map_err(io::Error::from))
+            .map_err(Failure::failed)?;
+    }
+    let config = &events.source().scene().config;
     let report = SimulateReport {
         scene: config.name.clone(),
         seed: config.seed,
         duration_s: config.duration_s,
         items,
+        faults: truth,
+        frames_left_out: files.frames_left_out,
         files: files.finish()?,
     };
     if args.json {
@@ -109,6 +133,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         output::text(&text(&report, &args.output))?;
     }
     Ok(Outcome::Fine)
+}
+
+/// Whether a sensor has sent it.
+fn is_item(body: &Body) -> bool {
+    matches!(body, Body::LidarPacket { .. } | Body::DepthFrame { .. } | Body::SerialChunk { .. })
 }
 
 fn prepare(folder: &Path, force: bool) -> Result<(), Failure> {
@@ -136,14 +165,16 @@ struct Files {
     recorder: Recorder,
     pcaps: BTreeMap<SensorId, PcapFile>,
     dumps: BTreeMap<SensorId, FakenectFolder>,
+    serial: Option<BufWriter<File>>,
+    frames_left_out: u64,
     raw: RawImage,
     written: Vec<PathBuf>,
 }
 
 impl Files {
-    fn create(folder: &Path, scene: &Scene, replace: bool) -> Result<Self, Failure> {
+    fn create(folder: &Path, scene: &Scene, header: RecordingHeader, replace: bool) -> Result<Self, Failure> {
         let mut written = vec![PathBuf::from("capture.mcap")];
-        let recorder = import::create(&folder.join("capture.mcap"), header(scene)?, replace)?;
+        let recorder = import::create(&folder.join("capture.mcap"), header, replace)?;
         let mut named = |first: &str, other: String, n: usize| {
             let name = PathBuf::from(if n == 0 { first.to_owned() } else { other });
             written.push(name.clone());
@@ -159,18 +190,28 @@ impl Files {
             let path = named("kinect", format!("kinect-{}", kinect.id), n);
             dumps.insert(kinect.id.clone(), FakenectFolder::create(&path).map_err(Failure::failed)?);
         }
+        let serial = match scene.stage() {
+            Some(_) => {
+                let path = named("serial.log", String::new(), 0);
+                Some(BufWriter::new(File::create(path).map_err(Failure::failed)?))
+            }
+            None => None,
+        };
         let (folder, unix_at_zero) = (folder.to_owned(), scene.unix_at_zero());
-        Ok(Self { folder, unix_at_zero, recorder, pcaps, dumps, raw: RawImage::new(), written })
+        let (raw, frames_left_out) = (RawImage::new(), 0);
+        Ok(Self { folder, unix_at_zero, recorder, pcaps, dumps, serial, frames_left_out, raw, written })
     }
 
-    /// What does not come with time: truth, mesh, configs, the stage's conversation.
+    /// What does not come with time: truth, mesh, configs, calibrations.
     fn describe(&mut self, scene: &Scene) -> io::Result<()> {
         self.file("truth.csv", |file| truth(scene, file))?;
         self.file("mesh.ply", |file| mesh(scene, file))?;
         self.file("rig.toml", |file| file.write_all(rig::toml(scene, rig::View::Operator).as_bytes()))?;
         self.file("rig-true.toml", |file| file.write_all(rig::toml(scene, rig::View::Truth).as_bytes()))?;
-        if let Some(stage) = scene.stage() {
-            self.file("serial.log", |file| conversation(scene, stage, file))?;
+        for (n, lidar) in scene.lidars.iter().enumerate() {
+            if let Some(text) = &lidar.db_xml {
+                self.file(&rig::calibration_file(scene, n), |file| file.write_all(text.as_bytes()))?;
+            }
         }
         Ok(())
     }
@@ -191,18 +232,29 @@ impl Files {
                 self.pcaps.get_mut(sensor).map_or(Ok(()), |pcap| pcap.write(host, port, bytes))
             }
             Body::DepthFrame { sensor, ticks, encoding, lost_packets, bytes } => {
-                decode_raw(*encoding, bytes, lost_packets, &mut self.raw).map_err(io::Error::other)?;
+                if decode_raw(*encoding, bytes, lost_packets, &mut self.raw).is_err() {
+                    self.frames_left_out += 1;
+                    return Ok(());
+                }
                 let codes = self.raw.pixels().iter().map(|code| code.0);
                 let dump = self.dumps.get_mut(sensor);
                 dump.map_or(Ok(()), |dump| dump.frame(host, ticks.unwrap_or_default(), codes))
+            }
+            Body::SerialChunk { bytes, .. } => {
+                let (at, bytes) = (event.arrived, bytes.to_vec());
+                let side = if is_request(&bytes) { Side::Host } else { Side::Device };
+                self.serial.as_mut().map_or(Ok(()), |serial| writeln!(serial, "{}", LogEntry { at, side, bytes }))
             }
             _ => Ok(()),
         }
     }
 
-    fn finish(self) -> Result<Vec<PathBuf>, Failure> {
+    fn finish(mut self) -> Result<Vec<PathBuf>, Failure> {
         for pcap in self.pcaps.into_values() {
             pcap.finish().map_err(Failure::failed)?;
+        }
+        if let Some(serial) = &mut self.serial {
+            serial.flush().map_err(Failure::failed)?;
         }
         for dump in self.dumps.into_values() {
             dump.finish().map_err(Failure::failed)?;
@@ -210,12 +262,6 @@ impl Files {
         import::written(&self.recorder.finish())?;
         Ok(self.written)
     }
-}
-
-/// Of the recording: nothing of this machine, and nothing of this instant, is in it; the program without its commit.
-fn header(scene: &Scene) -> Result<RecordingHeader, Failure> {
-    let loaded = rig::operators(scene, Path::new("rig.toml"), &[])?;
-    Ok(rig::header(scene, &loaded, VERSION.split(' ').next().unwrap_or_default()))
 }
 
 /// A hundred times a second: pose of the mesh's frame in the rig's, angular velocity in rig axes, rad/s.
@@ -252,42 +298,20 @@ fn mesh(scene: &Scene, file: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// What host and stage say to each other.
-fn conversation(
-    scene: &Scene,
-    stage: tumbled_sim::motion::turntable::Turntable,
-    file: &mut impl Write,
-) -> io::Result<()> {
-    let angle = move |t: RigNs| {
-        let turn = stage.stage(t);
-        StageState { angle_rad: turn.angle_rad, rate_rps: turn.rate_rps }
-    };
-    let seed = scene.config.seed;
-    let scripted = ScriptedStage::new(Arc::new(angle), Vec::new());
-    let mut emulator = ZaberEmulator::new(EmulatorSettings::usual(seed), Stage::Scripted(scripted));
-    let settings = LineLogSettings {
-        from: RigNs(0),
-        until: RigNs(scene.duration().0),
-        poll: PollSettings::default(),
-        quickest: Latency { to_sample: Span(300_000), to_reply: Span(300_000) },
-        jitter: Span(100_000),
-        mishaps: Mishaps { chance: 0.0, seed },
-        seed,
-    };
-    let mut outcome = Ok(());
-    serial_log(&mut emulator, &settings, |entry| {
-        if outcome.is_ok() {
-            outcome = writeln!(file, "{entry}");
-        }
-    });
-    outcome
-}
-
 fn text(report: &SimulateReport, folder: &Path) -> String {
     let mut text =
         format!("{} (seed {}), {:.1} s -> {}\n", report.scene, report.seed, report.duration_s, folder.display());
     for (sensor, items) in &report.items {
-        text.push_str(&format!("  {sensor}: {items} packets and frames\n"));
+        text.push_str(&format!("  {sensor}: {items} items\n"));
+    }
+    for line in report.faults.iter().flat_map(faults::lines) {
+        text.push_str(&format!("  faults at {line}\n"));
+    }
+    if report.frames_left_out > 0 {
+        let count = report.frames_left_out;
+        text.push_str(&format!(
+            "  {count} frames of a wrong length are in the recording and not in the fakenect folder\n"
+        ));
     }
     let files: Vec<String> = report.files.iter().map(|file| file.display().to_string()).collect();
     text + &format!("  {}\n", files.join(", "))

@@ -7,25 +7,67 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use tumbled_io::capture::{
-    self, Capture, CaptureSummary, Heartbeat, KinectRoute, LidarRoute, Merged, Routing, StampOrigin,
+    self, Capture, CaptureError, CaptureSummary, Heartbeat, KinectRoute, LidarRoute, Merged, Routing, StampOrigin,
 };
 use tumbled_io::recording::RecordingHeader;
 use tumbled_model::{Event, SensorId, UnixNs};
+use tumbled_sim::faults::{FaultInjector, FaultScript, FaultTruth};
 use tumbled_sim::scene::Scene;
 
 use crate::cli::{Failure, InputArgs};
 use crate::config::Config;
-use crate::simulation::{SCHEME, SimulatedLedger, scene_of, scenes};
+use crate::simulation::{SCHEME, SimulatedLedger, faults, scene_of, scenes};
 
 /// Events shown as progress between two redraws of the bar.
 const TICK_EVENTS: u64 = 256;
 
 /// Several captures as one ledger.
 pub struct Inputs {
-    events: Events,
+    events: Passed,
     lidars: Vec<SensorId>,
     progress: ProgressBar,
     seen: u64,
+}
+
+/// The way from the inputs to the command.
+enum Passed {
+    /// As they are.
+    Whole(Box<Unfailing>),
+    /// With faults.
+    Faulty(Box<FaultInjector<Unfailing>>),
+}
+
+impl Passed {
+    fn source(&self) -> &Unfailing {
+        match self {
+            Self::Whole(source) => source,
+            Self::Faulty(injector) => injector.source(),
+        }
+    }
+}
+
+/// Events until there are no more, or until one cannot be read: then why.
+struct Unfailing {
+    events: Events,
+    failed: Option<CaptureError>,
+    ended: bool,
+}
+
+impl Iterator for Unfailing {
+    type Item = Event;
+
+    fn next(&mut self) -> Option<Event> {
+        if self.ended {
+            return None;
+        }
+        match self.events.next() {
+            Some(Ok(event)) => return Some(event),
+            Some(Err(error)) => self.failed = Some(error),
+            None => {}
+        }
+        self.ended = true;
+        None
+    }
 }
 
 /// What is read from the inputs.
@@ -33,9 +75,9 @@ enum Events {
     /// The sensors' data alone.
     Data(Merged),
     /// A ledger: with ticks and anchors, recorded or made.
-    Ledger(Heartbeat),
+    Ledger(Heartbeat<Merged>),
     /// A simulated session, a ledger too.
-    Simulated(SimulatedLedger),
+    Simulated(Box<SimulatedLedger>),
 }
 
 impl Events {
@@ -43,8 +85,20 @@ impl Events {
     fn merged(&self) -> Option<&Merged> {
         match self {
             Self::Data(merged) => Some(merged),
-            Self::Ledger(heartbeat) => Some(heartbeat.merged()),
+            Self::Ledger(heartbeat) => Some(heartbeat.source()),
             Self::Simulated(_) => None,
+        }
+    }
+}
+
+impl Iterator for Events {
+    type Item = Result<Event, CaptureError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        match self {
+            Self::Data(merged) => merged.next(),
+            Self::Ledger(heartbeat) => heartbeat.next(),
+            Self::Simulated(ledger) => ledger.next().map(Ok),
         }
     }
 }
@@ -63,14 +117,14 @@ pub fn routing(config: &Config) -> Routing {
 }
 
 /// The simulation that the inputs name; `None`: they are captures. A scene has its own wall time, and is simulated alone.
-fn simulated<P: AsRef<Path>>(inputs: &[P]) -> Result<Option<SimulatedLedger>, Failure> {
+fn simulated<P: AsRef<Path>>(inputs: &[P], threads: usize) -> Result<Option<SimulatedLedger>, Failure> {
     let Some(name) = inputs.iter().find_map(|input| scene_of(input.as_ref())) else { return Ok(None) };
     if inputs.len() > 1 {
         return Err(Failure::input(format!(
             "{SCHEME}{name} is simulated alone: it cannot be merged with other inputs"
         )));
     }
-    Ok(Some(SimulatedLedger::new(scenes::load(name)?, None)))
+    Ok(Some(SimulatedLedger::new(scenes::load(name)?, Some(scenes::pool(threads)?))))
 }
 
 fn merge<P: AsRef<Path>>(inputs: &[P], config: &Config) -> Result<Merged, Failure> {
@@ -85,21 +139,22 @@ impl Inputs {
     /// # Errors
     /// An input that cannot be read, is none, or is given twice: exit code 2.
     pub fn open(args: &InputArgs, config: &Config) -> Result<Self, Failure> {
-        let events = match simulated(&args.inputs)? {
-            Some(ledger) => Events::Simulated(ledger),
+        let events = match simulated(&args.inputs, 0)? {
+            Some(ledger) => Events::Simulated(Box::new(ledger)),
             None => Events::Data(merge(&args.inputs, config)?),
         };
         Ok(Self::start(events, config))
     }
 
-    /// The same as a whole ledger: foreign captures get ticks and anchors, a recording alone has its own.
+    /// The same as a whole ledger: foreign captures get ticks and anchors, a recording alone has its own. A scene is made by
+    /// so many threads; 0 = one for each processor.
     ///
     /// # Errors
     /// An input that cannot be read, is none, or is given twice: exit code 2.
-    pub fn open_ledger<P: AsRef<Path>>(inputs: &[P], config: &Config) -> Result<Self, Failure> {
-        let events = match simulated(inputs)? {
-            Some(ledger) => Events::Simulated(ledger),
-            None => Events::Ledger(Heartbeat::new(merge(inputs, config)?)),
+    pub fn open_ledger<P: AsRef<Path>>(inputs: &[P], config: &Config, threads: usize) -> Result<Self, Failure> {
+        let events = match simulated(inputs, threads)? {
+            Some(ledger) => Events::Simulated(Box::new(ledger)),
+            None => Events::Ledger(Heartbeat::of_captures(merge(inputs, config)?)),
         };
         Ok(Self::start(events, config))
     }
@@ -111,12 +166,45 @@ impl Inputs {
         );
         progress.enable_steady_tick(Duration::from_millis(100)); // draws on a terminal only
         let lidars = config.lidars.iter().map(|lidar| lidar.id.clone()).collect();
+        let events = Passed::Whole(Box::new(Unfailing { events, failed: None, ended: false }));
         Self { events, lidars, progress, seen: 0 }
+    }
+
+    /// The same with faults from here on: no longer what was recorded, but a rehearsal.
+    ///
+    /// # Errors
+    /// A script with numbers that mean nothing: exit code 2.
+    pub fn with_faults(self, script: FaultScript) -> Result<Self, Failure> {
+        let events = match self.events {
+            Passed::Whole(source) => source,
+            Passed::Faulty(injector) => return Ok(Self { events: Passed::Faulty(injector), ..self }),
+        };
+        let injector = FaultInjector::new(*events, script).map_err(Failure::input)?;
+        Ok(Self { events: Passed::Faulty(Box::new(injector)), ..self })
+    }
+
+    /// What has been done to the inputs so far; `None`: they pass as they are.
+    pub fn faults(&self) -> Option<&FaultTruth> {
+        match &self.events {
+            Passed::Whole(_) => None,
+            Passed::Faulty(injector) => Some(injector.truth()),
+        }
+    }
+
+    /// Tells in the header of a recording of the inputs what faults are in it; see [`faults::mark`].
+    pub fn mark_faults(&self, header: &mut RecordingHeader) {
+        if let Passed::Faulty(injector) = &self.events {
+            faults::mark(injector.script(), header);
+        }
+    }
+
+    fn events(&self) -> &Events {
+        &self.events.source().events
     }
 
     /// The wall time at `t_ns` 0: the earliest host stamp over all inputs.
     pub fn epoch(&self) -> Option<UnixNs> {
-        match &self.events {
+        match self.events() {
             Events::Simulated(ledger) => Some(ledger.scene().unix_at_zero()),
             other => other.merged()?.epoch(),
         }
@@ -127,43 +215,42 @@ impl Inputs {
     /// # Errors
     /// An input that turns out unreadable.
     pub fn next_event(&mut self) -> Result<Option<Event>, Failure> {
-        let next = match &mut self.events {
-            Events::Data(merged) => merged.next(),
-            Events::Ledger(heartbeat) => heartbeat.next(),
-            Events::Simulated(ledger) => ledger.next().map(Ok),
+        let (next, source) = match &mut self.events {
+            Passed::Whole(source) => (source.next(), source.as_mut()),
+            Passed::Faulty(injector) => (injector.next(), injector.source_mut()),
         };
         let Some(event) = next else {
             self.progress.finish_and_clear();
-            return Ok(None);
+            return source.failed.take().map_or(Ok(None), |error| Err(Failure::input(error)));
         };
         self.seen += 1;
         if self.seen.is_multiple_of(TICK_EVENTS) {
             self.progress.set_position(self.seen);
         }
-        event.map(Some).map_err(Failure::input)
+        Ok(Some(event))
     }
 
     /// The inputs and what they held, in the order they were given. Complete after the last event.
     pub fn captures(&self) -> impl Iterator<Item = &Capture> {
-        self.events.merged().into_iter().flat_map(Merged::captures)
+        self.events().merged().into_iter().flat_map(Merged::captures)
     }
 
     /// What the recording says of itself, when the inputs are one recording and nothing else.
     pub fn recording(&self) -> Option<&RecordingHeader> {
-        let merged = self.events.merged()?;
+        let merged = self.events().merged()?;
         merged.captures().next().filter(|_| merged.is_ledger())?.recording()
     }
 
     /// The scene, when the input is a simulation.
     pub fn scene(&self) -> Option<&Scene> {
-        match &self.events {
+        match self.events() {
             Events::Simulated(ledger) => Some(ledger.scene()),
             Events::Data(_) | Events::Ledger(_) => None,
         }
     }
 
     fn summaries(&self) -> impl Iterator<Item = &CaptureSummary> {
-        self.events.merged().into_iter().flat_map(Merged::summaries)
+        self.events().merged().into_iter().flat_map(Merged::summaries)
     }
 
     /// Whether the host stamps are real and not numbered at 30 Hz; inputs of both kinds are never merged.

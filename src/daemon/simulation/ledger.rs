@@ -1,49 +1,32 @@
 //! A simulated session as a ledger: what the sensors send, ticks and anchors.
 
-use std::iter::Peekable;
+use std::convert::Infallible;
 use std::sync::Arc;
 
-use tumbled_model::{Body, Event, RigNs, Span, UnixNs};
+use tumbled_io::capture::Heartbeat;
+use tumbled_model::Event;
 use tumbled_sim::scene::Scene;
-use tumbled_sim::session::Simulation;
-
-/// From tick to tick, as a live ledger has them.
-const TICK: Span = Span(100_000_000);
-/// From anchor to anchor, in ticks.
-const TICKS_PER_ANCHOR: i64 = 10;
+use tumbled_sim::session::{Item, Simulation};
 
 /// The ledger of a scene.
+#[derive(Debug)]
 pub struct SimulatedLedger {
     scene: Arc<Scene>,
-    items: Peekable<Simulation>,
-    next_seq: u64,
-    /// The next tick, counted from the start.
-    beat: i64,
-    anchored: bool,
+    events: Heartbeat<Sent>,
 }
 
 impl SimulatedLedger {
     /// A scene from its start on; a pool's threads share the work.
     pub fn new(scene: Scene, pool: Option<Arc<rayon::ThreadPool>>) -> Self {
         let scene = Arc::new(scene);
-        let items = Simulation::new(Arc::clone(&scene), pool).peekable();
-        Self { scene, items, next_seq: 0, beat: 0, anchored: false }
+        let sent = Sent(Simulation::new(Arc::clone(&scene), pool));
+        let events = Heartbeat::new(sent, Some(scene.unix_at_zero()));
+        Self { scene, events }
     }
 
     /// The scene.
     pub fn scene(&self) -> &Scene {
         &self.scene
-    }
-
-    fn beat(&mut self) -> (RigNs, Body) {
-        let at = RigNs(self.beat * TICK.0);
-        if self.beat % TICKS_PER_ANCHOR == 0 && !std::mem::replace(&mut self.anchored, true) {
-            let UnixNs(zero) = self.scene.unix_at_zero();
-            return (at, Body::Anchor { unix: UnixNs(zero + at.0) });
-        }
-        self.anchored = false;
-        self.beat += 1;
-        (at, Body::Tick)
     }
 }
 
@@ -51,17 +34,22 @@ impl Iterator for SimulatedLedger {
     type Item = Event;
 
     fn next(&mut self) -> Option<Event> {
-        let due = RigNs(self.beat * TICK.0);
-        let (arrived, body) = match self.items.peek() {
-            Some(item) if item.arrived < due => {
-                let item = self.items.next()?;
-                (item.arrived, item.body)
-            }
-            Some(_) => self.beat(),
-            None => return None,
-        };
-        let seq = self.next_seq;
-        self.next_seq += 1;
-        Some(Event { seq, arrived, body })
+        match self.events.next()? {
+            Ok(event) => Some(event),
+            Err(never) => match never {},
+        }
+    }
+}
+
+/// What the sensors send, as a source that never fails. The heartbeat numbers it.
+#[derive(Debug)]
+struct Sent(Simulation);
+
+impl Iterator for Sent {
+    type Item = Result<Event, Infallible>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let Item { arrived, body } = self.0.next()?;
+        Some(Ok(Event { seq: 0, arrived, body }))
     }
 }

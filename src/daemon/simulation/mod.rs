@@ -1,9 +1,11 @@
 //! Simulated rigs: scene files, and what an operator of such a rig would have.
 //!
+//! * [`faults`]: fault files, and what was done by them;
 //! * [`scenes`]: scenes by name or file;
 //! * [`rig`]: the config of a simulated rig, as an operator would have it and as it is;
 //! * [`ledger`]: a simulated session as a ledger.
 
+pub mod faults;
 pub mod ledger;
 pub mod rig;
 pub mod scenes;

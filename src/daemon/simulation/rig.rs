@@ -3,8 +3,10 @@
 use core::fmt::Write;
 use std::path::Path;
 
-use tumbled_io::recording::{Origin, RecordingHeader};
-use tumbled_sim::scene::{Scene, Transform};
+use bytes::Bytes;
+use tumbled_io::recording::{AttachedFile, Origin, RecordingHeader};
+use tumbled_model::Span;
+use tumbled_sim::scene::{LidarUnit, Scene, Transform};
 
 use crate::config::{self, ConfigError, Loaded, Recorded, show};
 
@@ -22,7 +24,13 @@ pub enum View {
 /// # Errors
 /// `settings` that the config does not take.
 pub fn operators(scene: &Scene, name: &Path, settings: &[String]) -> Result<Loaded, ConfigError> {
-    let header = RecordingHeader { config: toml(scene, View::Operator), ..RecordingHeader::default() };
+    let attach = |(n, lidar): (usize, &LidarUnit)| {
+        let text = lidar.db_xml.as_ref()?;
+        let content = Bytes::copy_from_slice(text.as_bytes());
+        Some(AttachedFile::new(&format!("lidar.{}.calibration", lidar.id), &calibration_file(scene, n), content))
+    };
+    let files = scene.lidars.iter().enumerate().filter_map(attach).collect();
+    let header = RecordingHeader { config: toml(scene, View::Operator), files, ..RecordingHeader::default() };
     config::load_recorded(Recorded { path: name.to_owned(), header }, settings)
 }
 
@@ -39,17 +47,38 @@ pub fn header(scene: &Scene, loaded: &Loaded, program: &str) -> RecordingHeader 
     }
 }
 
-/// The config of a scene's rig, TOML.
+/// The file of an HDL-64E's calibration beside the config: `db.xml`, of further LiDARs with their names.
+pub fn calibration_file(scene: &Scene, lidar: usize) -> String {
+    match scene.lidars.get(lidar) {
+        Some(unit) if lidar > 0 => format!("db-{}.xml", unit.id),
+        _ => "db.xml".to_owned(),
+    }
+}
+
+/// The config of a scene's rig, TOML. An operator's states how far it may be off.
 pub fn toml(scene: &Scene, view: View) -> String {
     let config = &scene.config;
     let mounting = |sensor: &str, truth: &Transform| match view {
         View::Operator => scene.operators_mounting(sensor, truth),
         View::Truth => *truth,
     };
-    // A mapped stamp is that of the last packet, and late by the least delay of the way besides.
-    let offset_s = |sensor: &str, truth_s: f64| match view {
-        View::Operator => scene.operators_time_s(sensor, truth_s),
-        View::Truth => truth_s,
+    let offset_ms = |sensor: &str, late: Span| match view {
+        View::Operator => 1e3 * scene.operators_time_s(sensor, late.as_secs_f64()),
+        View::Truth => 1e3 * late.as_secs_f64(),
+    };
+    let depth_scale = |sensor: &str, truth: f64| match view {
+        View::Operator => scene.operators_depth_scale(sensor, truth),
+        View::Truth => truth,
+    };
+    let errors = config.operator;
+    let sigma = |more: &str| match view {
+        View::Operator => format!(
+            "sigma = {{ rotation_deg = {:?}, translation_m = {:?}, time_offset_ms = {:?}{more} }}\n",
+            errors.rotation_deg,
+            errors.translation_m,
+            1e3 * errors.time_s
+        ),
+        View::Truth => String::new(),
     };
     let mut text = format!("# {}: {}\n", config.name, config.about);
     if config.lidar.is_empty() {
@@ -62,25 +91,28 @@ pub fn toml(scene: &Scene, view: View) -> String {
     line(format_args!("\n[rig]\nname = \"{}\"\n", config.name));
     let [x, y, z] = config.roi_center_m;
     line(format_args!("\n[target]\nroi_center_m = [{x:?}, {y:?}, {z:?}]\nroi_radius_m = {:?}\n", config.roi_radius_m));
-    for lidar in &config.lidar {
+    for (n, (lidar, unit)) in config.lidar.iter().zip(&scene.lidars).enumerate() {
         let placed = transform(&mounting(&lidar.id, &lidar.t_rig_lidar));
-        let offset_ms = 1e3 * offset_s(&lidar.id, LIDAR_LATE_S);
+        let offset_ms = offset_ms(&lidar.id, unit.late());
         line(format_args!("\n[[lidar]]\nid = \"{}\"\nmodel = \"{}\"\n", lidar.id, lidar.model));
-        line(format_args!("t_rig_lidar = {placed}\ntime_offset_ms = {offset_ms:.4}\n"));
+        if unit.db_xml.is_some() {
+            line(format_args!("calibration = \"{}\"\n", calibration_file(scene, n)));
+        }
+        line(format_args!("t_rig_lidar = {placed}\ntime_offset_ms = {offset_ms:.4}\n{}", sigma("")));
     }
-    for kinect in &config.kinect {
+    for (kinect, unit) in config.kinect.iter().zip(&scene.kinects) {
         let placed = transform(&mounting(&kinect.id, &kinect.t_rig_kinect));
-        let offset_ms = 1e3 * offset_s(&kinect.id, kinect.latency_s + KINECT_LATE_S);
+        let offset_ms = offset_ms(&kinect.id, unit.late());
+        let scale = depth_scale(&kinect.id, 1.0 / kinect.parameters.depth_scale);
         line(format_args!("\n[[kinect]]\nid = \"{}\"\n", kinect.id));
-        line(format_args!("t_rig_kinect = {placed}\ntime_offset_ms = {offset_ms:.4}\n"));
+        line(format_args!("t_rig_kinect = {placed}\ntime_offset_ms = {offset_ms:.4}\ndepth_scale = {scale:.6}\n"));
+        line(format_args!("{}", sigma(&format!(", depth_scale = {:?}", errors.depth_scale))));
+    }
+    if scene.stage().is_some() {
+        line(format_args!("\n[turntable]\nport = \"/dev/rig/turntable\"\nprotocol = \"zaber\"\n"));
     }
     text
 }
-
-/// What no arrival is faster than, after a packet's first firing: 12 · 55.296 µs of firing and 0.06 ms on the wire.
-const LIDAR_LATE_S: f64 = 0.7e-3;
-/// The same, after a frame has left: 0.3 ms, and half of the 2 ms between two looks of the host.
-const KINECT_LATE_S: f64 = 1.3e-3;
 
 fn transform(transform: &Transform) -> String {
     let Transform { translation_m, rotation_xyzw } = transform;

@@ -1,6 +1,7 @@
 //! Scenes by name or file.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use tumbled_sim::scene::{Scene, SceneConfig};
@@ -49,6 +50,14 @@ pub fn load_with(name: &str, seed: Option<u64>, duration: Option<Duration>) -> R
     config.seed = seed.unwrap_or(config.seed);
     config.duration_s = duration.map_or(config.duration_s, |duration| duration.as_secs_f64());
     Scene::build(config).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
+}
+
+/// Threads that make a scene; 0 = one for each processor. Changes no byte.
+///
+/// # Errors
+/// A system that gives no threads.
+pub fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, Failure> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map(Arc::new).map_err(Failure::failed)
 }
 
 #[cfg(test)]

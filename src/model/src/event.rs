@@ -76,11 +76,12 @@ pub enum Body {
         /// The frame's payload as received.
         bytes: Bytes,
     },
-    /// Bytes from a serial port, as many as one read gave.
+    /// Bytes on a serial line, as many as one read gave or one write took. Both directions are recorded: without the
+    /// requests a reply cannot be given its time. Whose bytes they are, the protocol tells.
     SerialChunk {
         /// Which device on the port.
         sensor: SensorId,
-        /// The bytes as received.
+        /// The bytes as received, or as sent.
         bytes: Bytes,
     },
     /// What a device says of its own calibration, once per opening: a Kinect's zero plane and registration tables.

@@ -1,16 +1,18 @@
 //! Everything a scene's sensors send, in the order the host has it.
 //!
 //! Packets and frames are made a tenth of a second at a time, each by itself: a pool's threads may share them, and the
-//! bytes are the same.
+//! bytes are the same. What a stage and its host say to each other lies among them.
 
 use crate::scene::Scene;
 use crate::transport::{Line, Transport};
+use crate::turntable::{self, Conversation};
 use bytes::Bytes;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::iter::Peekable;
 use std::sync::Arc;
-use tumbled_model::{Body, DepthEncoding, PacketMask, RigNs, Span};
+use tumbled_model::{Body, DepthEncoding, PacketMask, RigNs, SensorId, Span};
 
 /// Made at once: a LiDAR's turn and three frames of a Kinect.
 const STRETCH: Span = Span(100_000_000);
@@ -62,6 +64,9 @@ pub struct Simulation {
     packets: Vec<Sender>,
     positions: Vec<Sender>,
     frames: Vec<Sender>,
+    /// The stage and its host.
+    serial: Option<Peekable<Conversation>>,
+    chunks: u64,
     /// Everything sent before this instant has been made.
     made: RigNs,
     waiting: BinaryHeap<Reverse<Waiting>>,
@@ -71,12 +76,14 @@ impl Simulation {
     /// A scene from its start on. `pool`: threads that share the work; none: the caller's alone.
     pub fn new(scene: Arc<Scene>, pool: Option<Arc<rayon::ThreadPool>>) -> Self {
         let seed = scene.config.seed;
-        let sender = |id: &str, transport| Sender { next: 0, line: Line::new(transport, id, 0, seed) };
-        let lidars = || scene.lidars.iter().map(|lidar| lidar.id.as_str());
-        let packets = lidars().map(|id| sender(id, Transport::UDP)).collect();
-        let positions = lidars().map(|id| sender(&format!("{id}.position"), Transport::UDP)).collect();
-        let frames = scene.kinects.iter().map(|kinect| sender(kinect.id.as_str(), Transport::KINECT)).collect();
-        Self { packets, positions, frames, made: RigNs(0), waiting: BinaryHeap::new(), scene, pool }
+        let sender = |id: &str, line: Transport| Sender { next: 0, line: Line::new(line, id, 0, seed) };
+        let packets = scene.lidars.iter().map(|lidar| sender(lidar.id.as_str(), lidar.line)).collect();
+        let positions =
+            scene.lidars.iter().map(|lidar| sender(&format!("{}.position", lidar.id), lidar.line)).collect();
+        let frames = scene.kinects.iter().map(|kinect| sender(kinect.id.as_str(), kinect.line)).collect();
+        let serial = scene.conversation().map(Iterator::peekable);
+        let (made, waiting) = (RigNs(0), BinaryHeap::new());
+        Self { scene, pool, packets, positions, frames, serial, chunks: 0, made, waiting }
     }
 
     /// The scene.
@@ -94,7 +101,19 @@ impl Simulation {
         for (n, kinect) in scene.kinects.iter().enumerate() {
             self.make_frames(n, kinect, until);
         }
+        self.make_chunks(until);
         self.made = until;
+    }
+
+    /// What host and stage say to each other, both sides: its times are those of the host already.
+    fn make_chunks(&mut self, until: RigNs) {
+        let place = 2 * self.scene.lidars.len() + self.scene.kinects.len();
+        let Some(serial) = &mut self.serial else { return };
+        while let Some(entry) = serial.next_if(|entry| entry.at < until) {
+            let body = Body::SerialChunk { sensor: SensorId::from(turntable::SENSOR), bytes: Bytes::from(entry.bytes) };
+            self.waiting.push(Reverse(Waiting { arrived: entry.at, place: (place, self.chunks), body }));
+            self.chunks += 1;
+        }
     }
 
     fn make_packets(&mut self, n: usize, lidar: &crate::scene::LidarUnit, until: RigNs) {

@@ -65,6 +65,11 @@ impl Transport {
         reorders: false,
     };
 
+    /// What no item is faster than.
+    pub fn least(&self) -> Span {
+        Span(libm::round(self.least_s.max(0.0) * 1e9) as i64)
+    }
+
     /// The delay of an item by itself, without the ones before it: the same for the same seed, line and index.
     pub fn delay(&self, line: &str, index: u64, seed: u64) -> Span {
         let mut noise = Noise::new(seed, line, index);

@@ -70,3 +70,24 @@ fn a_reboot_is_a_new_epoch() {
     let (mapper, _) = followed(&clock, DeviceClockKind::Velodyne, Transport::UDP, 1_500, 20);
     assert_eq!(mapper.report(RigNs(20_000_000_000)).counts.resets.device, 1);
 }
+
+/// The looks of a host 2 ms apart pass over a Kinect's frames as slowly as its clock is off, so a frame that was looked for
+/// at once comes seldom; 30 frames a second lie at three places between two looks, 0.67 ms apart.
+#[test]
+fn a_kinects_mapped_stamps_are_late_by_what_its_line_takes_at_least() {
+    const FRAME_NS: i64 = 33_333_333;
+    for skew_ppm in [-60.0, -25.0, 40.0] {
+        let clock = SimClock { offset_ns: 31_000_000_000, skew_ppm, ..SimClock::default() };
+        let mut mapper = DeviceClock::new(DeviceClockKind::Kinect, ClockMode::Hull);
+        let mut line = Line::new(Transport::KINECT, "near", 0, 1);
+        let mut late = Vec::new();
+        for frame in 0..3_000 {
+            let sent = clock.instant(frame * FRAME_NS + FRAME_NS / 2);
+            let raw = clock.kinect(sent).0;
+            let _pushed = mapper.push(raw, line.arrive(sent));
+            late.extend(mapper.map(raw).filter(|_| frame > 1_000).map(|mapped| (mapped.t - sent).0 as f64 * 1e-6));
+        }
+        let mean_ms = late.iter().sum::<f64>() / late.len() as f64 - Transport::KINECT.least().as_secs_f64() * 1e3;
+        assert!(late.len() > 1_900 && mean_ms.abs() < 0.35, "{skew_ppm} ppm: {mean_ms} ms");
+    }
+}

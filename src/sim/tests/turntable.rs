@@ -12,8 +12,8 @@ use tumbled_serial::zaber::{
 use tumbled_sim::motion::profile::Profile;
 use tumbled_sim::motion::turntable::Turntable;
 use tumbled_sim::turntable::{
-    CommandedStage, EmulatorSettings, Latency, LineLogSettings, Mishaps, ScriptedStage, Stage, StageFault, StageMotion,
-    StageState, ZaberEmulator, serial_log,
+    CommandedStage, Conversation, EmulatorSettings, Latency, LineLogSettings, Mishaps, ScriptedStage, Stage,
+    StageFault, StageMotion, StageState, ZaberEmulator,
 };
 
 const DEG: f64 = TAU / 360.0;
@@ -44,14 +44,13 @@ fn session(seconds: f64) -> LineLogSettings {
         quickest: Latency { to_sample: each_way, to_reply: each_way },
         jitter: Span(0),
         mishaps: Mishaps::default(),
+        reads: None,
         seed: 1,
     }
 }
 
 fn log(stage: Stage, emulator: EmulatorSettings, settings: &LineLogSettings) -> Vec<LogEntry> {
-    let mut entries = Vec::new();
-    serial_log(&mut ZaberEmulator::new(emulator, stage), settings, |entry| entries.push(entry));
-    entries
+    Conversation::new(ZaberEmulator::new(emulator, stage), *settings).collect()
 }
 
 /// What a listener makes of a log that went through its text.
@@ -152,6 +151,22 @@ fn jitter_and_mishaps_cost_samples_and_never_more_than_the_stated_doubt() {
     assert_eq!(log(scripted(steady(), vec![]), settings(), &rough), entries, "the same seed gives the same bytes");
     let other = LineLogSettings { seed: 2, ..rough };
     assert_ne!(log(scripted(steady(), vec![]), settings(), &other), entries);
+}
+
+#[test]
+fn a_usb_adapter_gives_its_bytes_each_millisecond_and_the_doubt_covers_it() {
+    let scale = settings().scale;
+    let entries = log(scripted(steady(), vec![]), settings(), &LineLogSettings::usual(s(20.0), 1));
+    let read = |entry: &&LogEntry| entry.side == Side::Device;
+    assert!(entries.iter().filter(read).all(|entry| entry.at.0 % 1_000_000 == 0));
+    let (samples, listener) = listen(&entries);
+    // A thousand polls, of which six open; one in two hundred is held up by 2 ms on the way and may be left out.
+    assert!((970..=1_000).contains(&samples.len()), "{} {:?}", samples.len(), listener.counts());
+    for sample in &samples {
+        let off = (sample.counts - scale.counts(steady()(sample.at).angle_rad)).abs();
+        let doubt = 20.0 / 360.0 * 768_000.0 * sample.half_rtt.as_secs_f64();
+        assert!(off as f64 <= doubt + 1.0 && sample.half_rtt < Span::from_micros(6_000), "{sample:?}: {off}, {doubt}");
+    }
 }
 
 #[test]

@@ -142,6 +142,21 @@ impl<I: Iterator<Item = Event>> FaultInjector<I> {
         })
     }
 
+    /// Where the events come from.
+    pub fn source(&self) -> &I {
+        &self.source
+    }
+
+    /// The same, e.g. to ask it why it ended.
+    pub fn source_mut(&mut self) -> &mut I {
+        &mut self.source
+    }
+
+    /// What is done.
+    pub fn script(&self) -> &FaultScript {
+        &self.script
+    }
+
     /// What has been done so far.
     pub fn truth(&self) -> &FaultTruth {
         &self.truth

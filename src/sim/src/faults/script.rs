@@ -16,6 +16,7 @@ const LARGEST: u32 = 65_535;
 /// A fault file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[schemars(title = "tumbled fault file")]
 pub struct FaultScript {
     /// Decides every chance.
     pub seed: u64,
@@ -28,13 +29,13 @@ pub struct FaultScript {
 #[serde(deny_unknown_fields)]
 pub struct Fault {
     /// Whose items; absent: everybody's.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<String>,
     /// From when, by arrival on the session's timeline, s.
     #[serde(default)]
     pub from_s: f64,
     /// Until when, s; absent: to the end.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until_s: Option<f64>,
     /// What goes wrong.
     pub action: Action,

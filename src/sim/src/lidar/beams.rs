@@ -1,6 +1,7 @@
 //! A head's lasers: when each fires within a firing group, where it leaves and where it looks.
 
 use super::{Head, LidarError};
+use crate::noise::Noise;
 use tumbled_velodyne::ReturnMode;
 use tumbled_velodyne::beams::BeamTable;
 use tumbled_velodyne::encode::raw_distance;
@@ -127,6 +128,20 @@ impl Beams {
 /// # Errors
 /// None in truth: the numbers are plausible. The constructor's error is handed on.
 pub fn made_calibration() -> Result<Calibration, hdl64::calibration::CalibrationError> {
+    made(|_within| 0)
+}
+
+/// The same as another unit of the series would have it: each laser is up to 0.1° and 3 cm off, drawn by the seed.
+///
+/// # Errors
+/// As [`made_calibration`].
+pub fn made_calibration_of(id: &str, seed: u64) -> Result<Calibration, hdl64::calibration::CalibrationError> {
+    let mut noise = Noise::new(seed, &format!("lidar.{id}.calibration"), 0);
+    made(|within| libm::round((2.0 * noise.uniform() - 1.0) * f64::from(within)) as i32)
+}
+
+/// `off`: a whole number between minus and plus its argument.
+fn made(mut off: impl FnMut(i32) -> i32) -> Result<Calibration, hdl64::calibration::CalibrationError> {
     let mut lasers = [LaserCalibration::default(); LASERS];
     for (id, laser) in (0i32..).zip(lasers.iter_mut()) {
         let cdeg = |cdeg: i32| (f64::from(cdeg) * 0.01).to_radians();
@@ -134,9 +149,9 @@ pub fn made_calibration() -> Result<Calibration, hdl64::calibration::Calibration
         let elevation_cdeg = if id < 32 { 200 - (id * 100 + 1) / 3 } else { -883 - (id - 32) * 50 };
         let side = if id % 2 == 0 { 1 } else { -1 };
         *laser = LaserCalibration {
-            rotation_rad: cdeg(side * (260 + id % 8 * 60)),
-            vertical_rad: cdeg(elevation_cdeg),
-            distance_m: mm(1_100 + id * 37 % 64 * 5),
+            rotation_rad: cdeg(side * (260 + id % 8 * 60) + off(10)),
+            vertical_rad: cdeg(elevation_cdeg + off(10)),
+            distance_m: mm(1_100 + id * 37 % 64 * 5 + off(30)),
             vertical_offset_m: mm(if id < 32 { 210 } else { 130 }),
             horizontal_offset_m: mm(side * 26),
             focal_distance_m: mm(12_000),
@@ -145,4 +160,27 @@ pub fn made_calibration() -> Result<Calibration, hdl64::calibration::Calibration
         };
     }
     Calibration::new(lasers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_unit_of_a_series_has_a_calibration_of_its_own_that_its_file_holds() {
+        let nominal = made_calibration().expect("plausible");
+        let mut seen = Vec::new();
+        for seed in 0..20 {
+            let unit = made_calibration_of("front", seed).expect("plausible");
+            let again = Calibration::parse(&unit.to_db_xml()).expect("a database");
+            for ((laser, read), usual) in unit.lasers().iter().zip(again.lasers()).zip(nominal.lasers()) {
+                assert!((laser.vertical_rad - usual.vertical_rad).abs() <= 0.1001f64.to_radians());
+                assert!((laser.rotation_rad - usual.rotation_rad).abs() <= 0.1001f64.to_radians());
+                assert!((laser.distance_m - usual.distance_m).abs() <= 0.0301);
+                assert!((laser.distance_m - read.distance_m).abs() < 1e-12);
+            }
+            assert!(!seen.contains(&unit));
+            seen.push(unit);
+        }
+    }
 }

@@ -18,7 +18,7 @@ mod schedule;
 mod sight;
 mod surface;
 
-pub use beams::made_calibration;
+pub use beams::{made_calibration, made_calibration_of};
 pub use config::{Head, LidarConfig, LidarError, LidarParameters};
 pub use position::Gps;
 pub use schedule::View;
@@ -158,6 +158,13 @@ impl LidarModel {
             if begins(middle) >= t { high = middle } else { low = middle + 1 }
         }
         low
+    }
+
+    /// From a packet's first firing, which its stamp tells, to its last, after which it leaves: in one go, without a
+    /// blind sector between.
+    pub fn packet_span(&self) -> Span {
+        let groups = self.schedule.groups().saturating_sub(1) as i64;
+        Span(groups * i64::from(self.beams.group_ns) + i64::from(self.beams.last_ns()))
     }
 
     fn first_firing_ns(&self, index: u64) -> i64 {

@@ -1,9 +1,10 @@
 //! From a scene's keys to bodies, sensors and lines.
 
 use super::config::{SceneConfig, SceneKinect, SceneLidar, SceneMotion, SceneProfile, Transform};
+use super::stage;
 use crate::clock::SimClock;
 use crate::kinect::{KinectModel, ModelError};
-use crate::lidar::{Head, LidarConfig, LidarError, LidarModel};
+use crate::lidar::{Head, LidarConfig, LidarError, LidarModel, made_calibration_of};
 use crate::motion::orbit::ClohessyWiltshire;
 use crate::motion::path::Walk;
 use crate::motion::profile::Profile;
@@ -12,12 +13,15 @@ use crate::motion::turntable::Turntable;
 use crate::motion::{Motion, Still, Superposed};
 use crate::noise::Noise;
 use crate::room::{self, Room};
+use crate::transport::Transport;
 use crate::world::{Body, Role, World};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use thiserror::Error;
 use tumbled_kinect::Intrinsics;
 use tumbled_model::{RigNs, SensorId, Span, UnixNs};
+use tumbled_velodyne::hdl64::Generation;
+use tumbled_velodyne::hdl64::calibration::{Calibration, CalibrationError};
 use tumbled_velodyne::{Model, ReturnMode};
 
 /// Why a scene cannot be built.
@@ -47,6 +51,17 @@ pub enum SceneError {
     /// A tumble that cannot be.
     #[error("motion: {0}")]
     Tumble(#[from] TumbleError),
+    /// Faults of a stage where there is none.
+    #[error("[stage] is there and motion.kind is not \"turntable\": put the target on one, or leave [stage] out")]
+    NoTurntable,
+    /// A made calibration that is none.
+    #[error("lidar {id}: {error}")]
+    Calibration {
+        /// Whose.
+        id: String,
+        /// Why.
+        error: CalibrationError,
+    },
     /// A LiDAR that cannot be.
     #[error("lidar {id}: {error}")]
     Lidar {
@@ -76,6 +91,15 @@ pub struct KinectUnit {
     pub clock: SimClock,
     /// From a frame's middle to the instant it leaves.
     pub latency: Span,
+    /// Its way to the host.
+    pub line: Transport,
+}
+
+impl KinectUnit {
+    /// What a frame's mapped stamp is later than its middle: its own latency, and the least delay of its line.
+    pub fn late(&self) -> Span {
+        self.latency + self.line.least()
+    }
 }
 
 /// A LiDAR of a scene.
@@ -85,6 +109,18 @@ pub struct LidarUnit {
     pub id: SensorId,
     /// The device.
     pub model: LidarModel,
+    /// An HDL-64E's factory calibration, as Velodyne's `db.xml`; the others have none.
+    pub db_xml: Option<Arc<str>>,
+    /// Its way to the host.
+    pub line: Transport,
+}
+
+impl LidarUnit {
+    /// What a packet's mapped stamp is later than its first firing: the packet is sent when it is full, and its line has a
+    /// least delay.
+    pub fn late(&self) -> Span {
+        self.model.packet_span() + self.line.least()
+    }
 }
 
 /// A scene, ready to be simulated.
@@ -150,6 +186,13 @@ impl Scene {
         Transform::from(&off)
     }
 
+    /// A Kinect's depth scale (true depth over measured depth) as an operator would have it: the truth and what a
+    /// calibration leaves.
+    pub fn operators_depth_scale(&self, sensor: &str, truth: f64) -> f64 {
+        let mut noise = Noise::new(self.config.seed, &format!("operator.{sensor}.depth_scale"), 0);
+        truth * (1.0 + noise.normal() * self.config.operator.depth_scale)
+    }
+
     /// A time offset as an operator would have it, s: the truth and what a calibration leaves.
     pub fn operators_time_s(&self, sensor: &str, truth_s: f64) -> f64 {
         truth_s
@@ -159,7 +202,11 @@ impl Scene {
 
 fn bodies(config: &SceneConfig) -> Result<Vec<Body>, SceneError> {
     let mesh = Arc::new(config.target.shape.mesh());
-    let mut bodies = vec![Body { role: Role::Target, mesh, motion: motion(&config.motion)? }];
+    let motion = match stage::faulty_motion(config)? {
+        Some(motion) => motion,
+        None => motion(&config.motion)?,
+    };
+    let mut bodies = vec![Body { role: Role::Target, mesh, motion }];
     if let Some(room) = config.room {
         bodies.push(Room { floor: Point3::from(room.floor_m), size_m: Vector3::from(room.size_m) }.body());
         if let (Some(radius), SceneMotion::Turntable { center_m, .. }) = (room.stage_radius_m, &config.motion) {
@@ -174,7 +221,7 @@ fn bodies(config: &SceneConfig) -> Result<Vec<Body>, SceneError> {
     Ok(bodies)
 }
 
-fn turntable(
+pub(super) fn turntable(
     axis: &[f64; 3],
     center_m: &[f64; 3],
     mount: &Transform,
@@ -247,16 +294,28 @@ fn lidar_unit(lidar: &SceneLidar, scene: &SceneConfig) -> Result<LidarUnit, Scen
         found: found.to_owned(),
         expected,
     };
-    let head = match lidar.model.as_str() {
-        "vlp-32c" => Head::BuiltIn(Model::Vlp32c),
-        "vlp-16" => Head::BuiltIn(Model::Vlp16),
-        other => return Err(word("model", other, "vlp-32c, vlp-16")),
-    };
     let mode = match lidar.returns.as_str() {
         "strongest" => ReturnMode::Strongest,
         "last" => ReturnMode::Last,
         "dual" => ReturnMode::Dual,
         other => return Err(word("returns", other, "strongest, last, dual")),
+    };
+    let mut db_xml = None;
+    let head = match lidar.model.as_str() {
+        "vlp-32c" => Head::BuiltIn(Model::Vlp32c),
+        "vlp-16" => Head::BuiltIn(Model::Vlp16),
+        "hdl-64e" => {
+            let calibration_of = |error| SceneError::Calibration { id: lidar.id.clone(), error };
+            let made = made_calibration_of(&lidar.id, scene.seed).map_err(calibration_of)?;
+            let text = made.to_db_xml();
+            // What the file says is what the head has, to the last bit.
+            let calibration = Box::new(Calibration::parse(&text).map_err(calibration_of)?);
+            db_xml = Some(Arc::from(text));
+            // An S2 has no dual return.
+            let generation = if mode == ReturnMode::Dual { Generation::S3 } else { Generation::S2 };
+            Head::Hdl64e { generation, calibration }
+        }
+        other => return Err(word("model", other, "vlp-32c, vlp-16, hdl-64e")),
     };
     let config = LidarConfig {
         id: lidar.id.clone(),
@@ -275,7 +334,7 @@ fn lidar_unit(lidar: &SceneLidar, scene: &SceneConfig) -> Result<LidarUnit, Scen
         parameters: lidar.parameters,
     };
     let model = LidarModel::new(config).map_err(failed)?;
-    Ok(LidarUnit { id: SensorId::from(lidar.id.as_str()), model })
+    Ok(LidarUnit { id: SensorId::from(lidar.id.as_str()), model, db_xml, line: Transport::UDP })
 }
 
 fn kinect_unit(kinect: &SceneKinect) -> Result<KinectUnit, SceneError> {
@@ -283,10 +342,11 @@ fn kinect_unit(kinect: &SceneKinect) -> Result<KinectUnit, SceneError> {
     let model = KinectModel::new(&kinect.id, &Intrinsics::default(), mounting, kinect.parameters)
         .map_err(|error| SceneError::Kinect { id: kinect.id.clone(), error })?;
     let id = SensorId::from(kinect.id.as_str());
-    Ok(KinectUnit { id, model, clock: kinect.clock.clone(), latency: span(kinect.latency_s) })
+    let (clock, latency) = (kinect.clock.clone(), span(kinect.latency_s));
+    Ok(KinectUnit { id, model, clock, latency, line: Transport::KINECT })
 }
 
 /// Seconds as a span, to the nanosecond; what is no number is none.
-fn span(seconds: f64) -> Span {
+pub(super) fn span(seconds: f64) -> Span {
     Span(libm::round(seconds * 1e9) as i64)
 }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// A scene: what there is to see, how it moves, who looks at it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "tumbled scene")]
 pub struct SceneConfig {
     /// Its name: stands in recordings.
     pub name: String,
@@ -26,6 +27,9 @@ pub struct SceneConfig {
     pub target: SceneTarget,
     /// How it moves.
     pub motion: SceneMotion,
+    /// What goes wrong with the turntable under it; left out: nothing.
+    #[serde(default)]
+    pub stage: Option<SceneStage>,
     /// What stands around it; left out: nothing.
     #[serde(default)]
     pub room: Option<SceneRoom>,
@@ -184,6 +188,40 @@ pub enum SceneProfile {
     },
 }
 
+/// What goes wrong with a turntable and the line to it. The target goes where the table truly goes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SceneStage {
+    /// Noise of the encoder, one standard deviation, counts; a turn has 768 000.
+    pub noise_counts: f64,
+    /// How likely something happens to a reply: it is dropped, late, cut, has a wrong bit or id, or noise before it.
+    pub mishap_probability: f64,
+    /// The table is held; the stage notices.
+    pub stall: Vec<SceneStall>,
+    /// The table slips; the stage does not notice.
+    pub slip: Vec<SceneSlip>,
+}
+
+/// A time in which the table is held. It goes on behind by what it lost.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SceneStall {
+    /// From when, s.
+    pub from_s: f64,
+    /// Until when, s.
+    pub until_s: f64,
+}
+
+/// A slip of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SceneSlip {
+    /// When, s.
+    pub at_s: f64,
+    /// How far it falls behind, °.
+    pub angle_deg: f64,
+}
+
 /// What stands around the target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -267,7 +305,8 @@ fn latency() -> f64 {
     0.034
 }
 
-/// What an operator's calibration is off by: standard deviations, drawn by the seed.
+/// What an operator's calibration is off by: standard deviations, drawn by the seed. A rotation's and a translation's are of
+/// the whole, not of each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct OperatorErrors {
@@ -277,10 +316,12 @@ pub struct OperatorErrors {
     pub translation_m: f64,
     /// Of a time offset, s.
     pub time_s: f64,
+    /// Of a Kinect's depth scale, a share of it.
+    pub depth_scale: f64,
 }
 
 impl Default for OperatorErrors {
     fn default() -> Self {
-        Self { rotation_deg: 0.2, translation_m: 0.004, time_s: 0.002 }
+        Self { rotation_deg: 0.2, translation_m: 0.004, time_s: 0.002, depth_scale: 0.003 }
     }
 }

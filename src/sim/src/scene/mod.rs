@@ -5,9 +5,10 @@
 
 mod build;
 mod config;
+mod stage;
 
 pub use build::{KinectUnit, LidarUnit, Scene, SceneError};
 pub use config::{
-    OperatorErrors, SceneConfig, SceneKinect, SceneLidar, SceneMotion, SceneProfile, SceneRoom, SceneTarget, SceneWalk,
-    Transform,
+    OperatorErrors, SceneConfig, SceneKinect, SceneLidar, SceneMotion, SceneProfile, SceneRoom, SceneSlip, SceneStage,
+    SceneStall, SceneTarget, SceneWalk, Transform,
 };

@@ -3,10 +3,11 @@
 use super::emulator::{Latency, Outgoing, ZaberEmulator};
 use super::mishaps::Mishaps;
 use crate::noise::Noise;
+use crate::transport::{Line, Transport};
 use std::collections::BTreeMap;
 use tumbled_model::{RigNs, Span};
 use tumbled_serial::log::{LogEntry, Side};
-use tumbled_serial::zaber::{Command, Poll, PollSettings, Turn, reopen_after};
+use tumbled_serial::zaber::{Command, Heard, Poll, PollSettings, Turn, reopen_after};
 
 /// What a session on the line is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,36 +24,61 @@ pub struct LineLogSettings {
     pub jitter: Span,
     /// What happens to replies.
     pub mishaps: Mishaps,
+    /// How what has come over the line gets to the host; `None`: at once.
+    pub reads: Option<Transport>,
     /// The seed of the latencies.
     pub seed: u64,
 }
 
+impl LineLogSettings {
+    /// A usual session: 115 200 baud through a USB adapter, 50 readings a second, a device that takes 0.3 ms and a little
+    /// more either way, no mishaps.
+    pub fn usual(until: RigNs, seed: u64) -> Self {
+        Self {
+            from: RigNs(0),
+            until,
+            poll: PollSettings::default(),
+            quickest: Latency { to_sample: Span(300_000), to_reply: Span(300_000) },
+            jitter: Span(100_000),
+            mishaps: Mishaps { chance: 0.0, seed },
+            reads: Some(Transport::SERIAL),
+            seed,
+        }
+    }
+}
+
 /// The line from the device to the host.
-#[derive(Default)]
+#[derive(Clone, Debug)]
 struct Inbox {
     /// Chunks by arrival and order.
     chunks: BTreeMap<(RigNs, u64), Vec<u8>>,
     replies: u64,
     chunk: u64,
     free: RigNs,
+    reads: Option<Line>,
 }
 
 impl Inbox {
     /// Puts lines on the line one after the other. Each is read in two: its first byte, and the rest when it is there.
-    fn put(&mut self, outgoing: Vec<Outgoing>, mishaps: &Mishaps, byte_time: Span) {
+    fn put(&mut self, outgoing: Vec<Outgoing>, settings: &LineLogSettings) {
         for line in outgoing {
             self.replies += 1;
             let due = line.at;
-            let Some(line) = mishaps.befall(self.replies, line) else { continue };
+            let Some(line) = settings.mishaps.befall(self.replies, line) else { continue };
+            // A reply made late was held up behind the line: those after it do not wait for it.
+            let in_time = line.at == due;
             let mut start = line.at.max(self.free);
             let (first, rest) = line.bytes.split_at(line.bytes.len().min(1));
             for part in [first, rest].into_iter().filter(|part| !part.is_empty()) {
-                start = start + Span(byte_time.0.saturating_mul(part.len() as i64));
+                start = start + Span(settings.poll.line.byte_time.0.saturating_mul(part.len() as i64));
+                let read = match &mut self.reads {
+                    Some(reads) if in_time => reads.arrive(start),
+                    _ => start,
+                };
                 self.chunk += 1;
-                self.chunks.insert((start, self.chunk), part.to_vec());
+                self.chunks.insert((read, self.chunk), part.to_vec());
             }
-            // A reply made late was held up behind the line: those after it do not wait for it.
-            if line.at == due {
+            if in_time {
                 self.free = start;
             }
         }
@@ -66,47 +92,80 @@ impl Inbox {
     }
 }
 
-/// Everything both sides send, in the order of its times; the host opens the conversation, then polls.
-pub fn serial_log(emulator: &mut ZaberEmulator, settings: &LineLogSettings, mut each: impl FnMut(LogEntry)) {
-    let byte_time = settings.poll.line.byte_time;
-    let mut inbox = Inbox { free: settings.from, ..Inbox::default() };
-    let mut poll = opened(settings.poll, settings.from);
-    let (mut now, mut requests, mut attempt, mut heard) = (settings.from, 0, 0, Vec::new());
-    while now < settings.until {
-        match poll.turn(now) {
-            Turn::Write(bytes) => {
-                now = now + Span(byte_time.0.saturating_mul(bytes.len() as i64));
-                poll.written(now);
-                let mut answers = Vec::new();
-                emulator.receive(now, &bytes, latency(settings, requests), &mut answers);
-                requests += 1;
-                inbox.put(answers, &settings.mishaps, byte_time);
-                each(LogEntry { at: now, side: Side::Host, bytes });
-            }
-            Turn::Wait(until) => {
-                let Some((at, bytes)) = inbox.take(until) else {
-                    now = until;
-                    let mut alerts = Vec::new();
-                    emulator.advance(now, &mut alerts);
-                    inbox.put(alerts, &settings.mishaps, byte_time);
-                    continue;
-                };
-                // What came while the host was writing is read afterwards.
-                now = now.max(at);
-                poll.heard(now, &bytes, &mut heard);
-                if !heard.is_empty() {
-                    attempt = 0;
-                    heard.clear();
+/// Everything both sides send, in the order of its times; the host opens the conversation, then polls. An iterator:
+/// a session of any length is made as it is needed.
+#[derive(Debug)]
+pub struct Conversation {
+    emulator: ZaberEmulator,
+    settings: LineLogSettings,
+    inbox: Inbox,
+    poll: Poll,
+    now: RigNs,
+    requests: u64,
+    attempt: u32,
+    heard: Vec<Heard>,
+}
+
+impl Conversation {
+    /// A host and this stage, from the settings' start on.
+    pub fn new(emulator: ZaberEmulator, settings: LineLogSettings) -> Self {
+        let reads = settings.reads.map(|transport| Line::new(transport, "turntable", 0, settings.seed));
+        Self {
+            inbox: Inbox { chunks: BTreeMap::new(), replies: 0, chunk: 0, free: settings.from, reads },
+            poll: opened(settings.poll, settings.from),
+            now: settings.from,
+            requests: 0,
+            attempt: 0,
+            heard: Vec::new(),
+            emulator,
+            settings,
+        }
+    }
+}
+
+impl Iterator for Conversation {
+    type Item = LogEntry;
+
+    fn next(&mut self) -> Option<LogEntry> {
+        while self.now < self.settings.until {
+            match self.poll.turn(self.now) {
+                Turn::Write(bytes) => {
+                    let byte_time = self.settings.poll.line.byte_time;
+                    self.now = self.now + Span(byte_time.0.saturating_mul(bytes.len() as i64));
+                    self.poll.written(self.now);
+                    let mut answers = Vec::new();
+                    let latency = latency(&self.settings, self.requests);
+                    self.emulator.receive(self.now, &bytes, latency, &mut answers);
+                    self.requests += 1;
+                    self.inbox.put(answers, &self.settings);
+                    return Some(LogEntry { at: self.now, side: Side::Host, bytes });
                 }
-                each(LogEntry { at: now, side: Side::Device, bytes });
-            }
-            Turn::Unanswered(_) => {}
-            Turn::Reopen => {
-                now = now + reopen_after(attempt);
-                attempt += 1;
-                poll = opened(settings.poll, now);
+                Turn::Wait(until) => {
+                    let Some((at, bytes)) = self.inbox.take(until) else {
+                        self.now = until;
+                        let mut alerts = Vec::new();
+                        self.emulator.advance(self.now, &mut alerts);
+                        self.inbox.put(alerts, &self.settings);
+                        continue;
+                    };
+                    // What came while the host was writing is read afterwards.
+                    self.now = self.now.max(at);
+                    self.poll.heard(self.now, &bytes, &mut self.heard);
+                    if !self.heard.is_empty() {
+                        self.attempt = 0;
+                        self.heard.clear();
+                    }
+                    return Some(LogEntry { at: self.now, side: Side::Device, bytes });
+                }
+                Turn::Unanswered(_) => {}
+                Turn::Reopen => {
+                    self.now = self.now + reopen_after(self.attempt);
+                    self.attempt += 1;
+                    self.poll = opened(self.settings.poll, self.now);
+                }
             }
         }
+        None
     }
 }
 

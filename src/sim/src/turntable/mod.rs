@@ -10,7 +10,7 @@
 //!   [`ScriptedStage::table`];
 //! * [`CommandedStage`]: a stage that goes where it is told;
 //! * [`ZaberEmulator`]: either of them behind a serial line;
-//! * [`Mishaps`]: what happens to replies on the line; [`serial_log`]: a whole session on the line.
+//! * [`Mishaps`]: what happens to replies on the line; [`Conversation`]: a whole session on the line.
 
 mod commanded;
 mod emulator;
@@ -20,6 +20,9 @@ mod scripted;
 
 pub use commanded::CommandedStage;
 pub use emulator::{EmulatorSettings, Latency, Outgoing, Stage, ZaberEmulator};
-pub use line_log::{LineLogSettings, serial_log};
+pub use line_log::{Conversation, LineLogSettings};
 pub use mishaps::{Mishap, Mishaps};
 pub use scripted::{ScriptedStage, StageFault, StageMotion, StageState};
+
+/// The stage's name among a rig's sensors.
+pub const SENSOR: &str = "turntable";

@@ -60,7 +60,7 @@ fn with_other_inputs_it_is_merged_by_host_time() {
     fs::create_dir(&frames).unwrap();
     fs::write(frames.join("INDEX.txt"), format!("d-{:.6}-1.pgm\n", 1_795_341_601.0)).unwrap();
     fakenect(&frames, 1_795_341_601.0);
-    let events: Vec<_> = Heartbeat::new(merged(&[&path, &frames])).map(Result::unwrap).collect();
+    let events: Vec<_> = Heartbeat::of_captures(merged(&[&path, &frames])).map(Result::unwrap).collect();
     let data = events.iter().filter(|event| event.body.sensor().is_some());
     let found: Vec<_> = data.map(|event| (event.arrived.0, event.body.sensor().unwrap().to_string())).collect();
     let expected = [(0, "front"), (1_000_000_000, "near"), (2_000_000_000, "front")];
@@ -83,7 +83,7 @@ fn the_heartbeat_comes_before_what_arrives_with_it_and_rests_in_long_silences() 
     let index: String = at.iter().map(|seconds| format!("d-{seconds:.6}-1.pgm\n")).collect();
     fs::write(frames.join("INDEX.txt"), index).unwrap();
     at.iter().for_each(|seconds| fakenect(&frames, *seconds));
-    let events: Vec<_> = Heartbeat::new(merged(&[&frames])).map(Result::unwrap).collect();
+    let events: Vec<_> = Heartbeat::of_captures(merged(&[&frames])).map(Result::unwrap).collect();
     assert_eq!(events[0].body, Body::Anchor { unix: START });
     assert_eq!((&events[1].body, events[1].arrived), (&Body::Tick, RigNs(0)));
     assert!(matches!(events[2].body, Body::DepthFrame { .. }));
