@@ -3,6 +3,8 @@
 //! Packets and frames are made a tenth of a second at a time, each by itself: a pool's threads may share them, and the
 //! bytes are the same. What a stage and its host say to each other lies among them.
 
+mod skip;
+
 use crate::scene::Scene;
 use crate::transport::{Line, Transport};
 use crate::turntable::{self, Conversation};

@@ -102,6 +102,11 @@ impl Line {
         Self { transport, name: format!("transport.{sensor}"), seed, index: first, last: None }
     }
 
+    /// The next items, so many, are never sent.
+    pub fn skip(&mut self, items: u64) {
+        self.index = self.index.saturating_add(items);
+    }
+
     /// When the host has the next item, which left the sensor at `sent`.
     pub fn arrive(&mut self, sent: RigNs) -> RigNs {
         let delayed = sent + self.transport.delay(&self.name, self.index, self.seed);

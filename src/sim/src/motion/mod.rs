@@ -3,12 +3,13 @@
 //! * [`Still`], [`path::Drifting`], [`path::Walk`]: rooms, floating things, people;
 //! * [`turntable::Turntable`]: a stage with a [`profile::Profile`];
 //! * [`tumble::Tumble`]: free of torque; [`orbit::ClohessyWiltshire`]: neighbouring orbits;
-//! * [`Superposed`]: the way of one with the attitude of another.
+//! * [`Superposed`]: the way of one with the attitude of another; [`repeated::Repeated`]: one that starts over.
 
 mod elliptic;
 pub mod orbit;
 pub mod path;
 pub mod profile;
+pub mod repeated;
 pub mod tumble;
 pub mod turntable;
 

@@ -5,6 +5,7 @@
 
 mod build;
 mod config;
+mod endless;
 mod stage;
 
 pub use build::{KinectUnit, LidarUnit, Scene, SceneError};
