@@ -12,7 +12,7 @@
 //! * [`ledger`]: the thread that makes the one order; [`outlet`]: the bounded ways out of it;
 //! * [`clock`], [`arrival`]: the session's timeline and the kernel's stamps on it;
 //! * [`probe`]: listening for a moment, outside of any ledger;
-//! * [`send`]: the other end, a UDP sender that keeps a recording's pace;
+//! * [`send`]: the other end, a UDP sender that keeps a recording's pace; [`pty`]: a serial port without a device;
 //! * [`stop`]: how every thread is told to end.
 //!
 //! Every queue has a bound and a policy; nothing is lost without a count.
@@ -25,6 +25,7 @@ pub mod ledger;
 mod metronome;
 pub mod outlet;
 pub mod probe;
+pub mod pty;
 pub mod send;
 pub mod source;
 pub mod stop;
@@ -39,6 +40,7 @@ pub use intake::{Delivery, Intake, LedgerClosed, QueueBound};
 pub use ledger::{Ledger, LedgerHandle, LedgerSummary, QueueFill};
 pub use outlet::{Consumer, EventReceiver, OutletCounts, OutletGauge, Patience, ScanMark, WhenFull};
 pub use probe::{Heard, UdpProbe, listen};
+pub use pty::PseudoTerminal;
 pub use send::{Pace, SendError, Sent, UdpSender};
 pub use source::{
     Device, Opener, ReceiveBuffer, Source, SourceCounters, SourceError, SourceInfo, SourceWarning, Summary, UdpInfo,

@@ -78,6 +78,14 @@ impl UdpSender {
         Ok(Self { socket })
     }
 
+    /// Sends one datagram now.
+    ///
+    /// # Errors
+    /// When the system refuses it: longer than 65 507 bytes, nobody there.
+    pub fn datagram(&self, to: SocketAddr, payload: &[u8]) -> io::Result<()> {
+        self.socket.send_to(payload, to).map(|_| ())
+    }
+
     /// Sends each datagram to its destination at its time, until the last or the stop. Times count from the first
     /// datagram's; one that goes back is sent at once. What is late does not delay what follows.
     ///
@@ -100,14 +108,14 @@ impl UdpSender {
         for (at, to, payload) in datagrams {
             let offset = at - *first.get_or_insert(at);
             let late = match pace {
-                Pace::Times(speed) => wait_until(start, after_start(offset, speed), stop),
+                Pace::Times(speed) => stop.sleep_until(start + after_start(offset, speed)),
                 Pace::AtOnce => Duration::ZERO,
             };
             if stop.is_stopped() {
                 break;
             }
             let payload = payload.as_ref();
-            self.socket.send_to(payload, to).map_err(|error| SendError::Send {
+            self.datagram(to, payload).map_err(|error| SendError::Send {
                 index: sent.datagrams,
                 length: payload.len(),
                 to,
@@ -122,24 +130,9 @@ impl UdpSender {
 }
 
 fn after_start(offset: Span, speed: f64) -> Duration {
-    Duration::try_from_secs_f64(offset.as_secs_f64() / speed).unwrap_or(Duration::ZERO)
-}
-
-/// Waits until the instant or the stop; how late it is then.
-fn wait_until(start: Instant, offset: Duration, stop: &StopToken) -> Duration {
-    /// A plain sleep is exact to some 0.06 ms; longer waits listen for the stop.
-    const SLEEP: Duration = Duration::from_millis(20);
-    loop {
-        let elapsed = start.elapsed();
-        let Some(left) = offset.checked_sub(elapsed).filter(|left| !left.is_zero()) else {
-            return elapsed - offset;
-        };
-        if left <= SLEEP {
-            std::thread::sleep(left);
-        } else if stop.wait(left - SLEEP) {
-            return Duration::ZERO;
-        }
-    }
+    /// A thousand years: instants can still be told.
+    const LONGEST: Duration = Duration::from_secs(31_557_600_000);
+    Duration::try_from_secs_f64(offset.as_secs_f64() / speed).unwrap_or(Duration::ZERO).min(LONGEST)
 }
 
 #[cfg(test)]

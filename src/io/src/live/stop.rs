@@ -64,6 +64,25 @@ impl StopToken {
         }
         true
     }
+
+    /// Sleeps until an instant, exact to some 0.06 ms, or until told; how late it is then. A stop is noticed within
+    /// 20 ms.
+    pub fn sleep_until(&self, due: Instant) -> Duration {
+        /// A poll wakes at whole milliseconds: the last part of a wait is a plain sleep.
+        const SLEEP: Duration = Duration::from_millis(20);
+        loop {
+            let now = Instant::now();
+            let left = due.saturating_duration_since(now);
+            if left.is_zero() || self.is_stopped() {
+                return now.saturating_duration_since(due);
+            }
+            if left <= SLEEP {
+                std::thread::sleep(left);
+            } else {
+                self.wait(left - SLEEP);
+            }
+        }
+    }
 }
 
 impl AsFd for StopToken {
