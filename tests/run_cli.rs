@@ -153,7 +153,8 @@ fn a_second_signal_is_not_needed_a_full_stop_takes_less_than_five_seconds() {
 #[test]
 fn a_kinect_in_the_config_is_refused_by_a_program_that_cannot_read_one() {
     let bench = Workbench::new();
-    let done = bench.run(&["run", "--duration", "100ms"]);
+    bench.file("rig.toml", "");
+    let done = bench.run(&["run", "--config", "rig.toml", "--duration", "100ms"]);
     assert_eq!(done.code, 2);
     assert!(done.stderr.contains("kinect-usb") && done.stderr.contains("kinect = []"), "{}", done.stderr);
 }

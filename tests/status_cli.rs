@@ -10,9 +10,10 @@ use std::time::Duration;
 use socket2::{Domain, Socket, Type};
 use tumbled::cli::status::StatusReport;
 use tumbled::config::UnixPath;
+use tumbled::simulation::live::shortfall::ShortfallReport;
 use tumbled::stream::{
-    Class, HealthLine, Limits, QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, StepHealth,
-    StreamConfig, StreamOrigin, StreamServer,
+    Class, HealthLine, Limits, QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth,
+    StepHealth, StreamConfig, StreamOrigin, StreamServer,
 };
 use tumbled_core::ClockMode;
 use tumbled_core::clock::ClockState;
@@ -105,6 +106,10 @@ fn health() -> HealthLine {
             dropped: 0,
             synced_s: Some(0.42),
             disk_free_bytes: Some(107_374_182_400),
+        }),
+        simulation: Some(SimulationHealth {
+            scene: "demo".to_owned(),
+            left_out: ShortfallReport { left_out_s: 0.3, late: 40, refused: 0, latest_ms: 98.0 },
         }),
         stream: server(Limits::default()).clients().into(),
         steps: vec![StepHealth { name: "core".to_owned(), p50_ms: 0.81, p99_ms: 2.5, max_ms: 9.0 }],

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 use tumbled::stream::{Class, Limits};
 
+use crate::support::Workbench;
 use crate::support::stream::{Client, large, marked, server, tcp_address, wait_until};
 
 #[test]
@@ -144,10 +145,12 @@ fn sockets_of(server: SocketAddr) -> usize {
 #[test]
 fn a_daemon_without_descriptors_left_says_so_once_and_goes_on_when_there_are_some() {
     // A running daemon has 17 descriptors: of 40 clients some 13 get one, the others wait in the kernel.
-    let command = "ulimit -n 30; exec \"$0\" run --set lidar.port=0 --set lidar.position_port=0 --set 'kinect=[]' \
-        --set stream.tcp=127.0.0.1:0 --set stream.unix= --set stream.foxglove=";
+    let bench = Workbench::new();
+    bench.file("rig.toml", "kinect = []\n");
+    let command = "ulimit -n 30; exec \"$0\" run --config rig.toml --set lidar.port=0 --set lidar.position_port=0 --set stream.tcp=127.0.0.1:0 --set stream.unix= --set stream.foxglove=";
     let mut child = Command::new("sh")
         .args(["-c", command])
+        .current_dir(bench.path("."))
         .arg(assert_cmd::cargo::cargo_bin!("tumbled"))
         .stdout(Stdio::null())
         .stderr(Stdio::piped())

@@ -14,14 +14,14 @@ use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_io::live::{SessionClock, StopToken};
-use tumbled_io::recording::{RecorderOptions, RecordingHeader, RecordingSummary};
+use tumbled_io::recording::{Origin, RecorderOptions, RecordingHeader, RecordingSummary};
 use tumbled_model::Span;
 
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, output, quantity, signals};
 use crate::config::RecordConfig;
 use crate::session::live::RecordingPart;
-use crate::session::{LiveSession, SessionEnd, SourceReport, live};
+use crate::session::{LiveSession, Rig, SessionEnd, SourceReport, live};
 
 /// How often the end is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -129,17 +129,17 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let stop = signals::stop_token()?;
     let clock = SessionClock::start_on_system();
-    let header = live::header(&clock, &loaded);
+    let header = live::header(live::unix_at_zero(&clock), Origin::Live, &loaded);
     let options = args.recorder.options(&config.record);
     let recording = RecordingPart { path: args.output.clone(), header: header.clone(), options };
-    let session = LiveSession::start(config, &clock, &stop, Some(recording), None)?;
+    let session = LiveSession::start(Rig::Devices, config, &clock, &stop, Some(recording), None)?;
     wait(args, &session, &stop);
     let SessionEnd { sources, recording, undelivered, .. } = session.end();
     if undelivered > 0 {
         tracing::error!(packets = undelivered, "packets did not reach the recording in time at the stop");
     }
     let summary = recording.unwrap_or_default();
-    let report = report(&header, sources, summary);
+    let report = report(&header, sources.sources, summary);
     if args.json {
         output::json(&report)?;
     } else {

@@ -1,6 +1,8 @@
-//! `tumbled run`: the daemon. Live sensors through the core, recorded, served, until it is told to stop.
+//! `tumbled run`: the daemon. Live sensors, or simulated ones in real time, through the core, recorded, served, until it is
+//! told to stop.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args as ClapArgs;
@@ -8,33 +10,61 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::SensorHealth;
 use tumbled_io::live::SessionClock;
+use tumbled_io::recording::Origin;
 use tumbled_model::Body;
+use tumbled_sim::faults::{FaultCounts, FaultTruth};
+use tumbled_sim::scene::Scene;
 
 use super::record::RecorderArgs;
 use super::signals::{self, Signals};
-use super::{ConfigArgs, Failure, Outcome, output};
+use super::{ConfigArgs, Failure, Outcome, output, render};
 use crate::config::{Loaded, show};
 use crate::quantity;
 use crate::session::chain::rig_digest;
 use crate::session::live::{self, CorePart, RecordingPart};
 use crate::session::reload::{self, Change};
 use crate::session::serve::{About, Server};
-use crate::session::{Checkpoint, Engine, LiveSession, SessionEnd, SourceReport, engine, setup};
+use crate::session::sources::SourcesEnd;
+use crate::session::{Checkpoint, Engine, LiveSession, Rig, SessionEnd, SourceReport, engine, setup};
+use crate::simulation::SCHEME;
+use crate::simulation::live::SimulatedRig;
+use crate::simulation::live::shortfall::ShortfallReport;
+use crate::simulation::rig::operators;
 use crate::stream::StreamOrigin;
 
+/// What is simulated when nothing is asked for.
+const DEMO: &str = "demo";
 /// How often the daemon looks at its queues, its disk and its end.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// What `run` is asked for.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:\n  tumbled run --config rig.toml\n  \
-    tumbled run --config rig.toml --record run.mcap --duration 10m\n\n\
+#[command(
+    after_help = "Examples:\n  tumbled run                                              the demo: simulated sensors, no hardware\n  \
+    tumbled run --config rig.toml\n  \
+    tumbled run --config rig.toml --record run.mcap --duration 10m\n  \
+    tumbled run --sim turntable-20dps --faults faults.toml   a rehearsal with lost data\n\n\
+    Without --config everything is SIMULATED; the log, every line of the stream and the recording say so.\n\
     SIGINT or SIGTERM end it cleanly: what was received is measured and recorded first. SIGHUP reads the config again; \
     mountings, offsets and the region of interest are taken over.\n\
-    Exit code 3, with --duration only: data were lost on this machine, or the recording is incomplete.")]
+    Exit code 3, with --duration only: data were lost on this machine, or the recording is incomplete."
+)]
 pub struct Args {
-    #[command(flatten)]
-    config: ConfigArgs,
+    /// The rig's config; without it no hardware is read: the scene `demo` is simulated.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Simulate the sensors of a scene in real time: one of the program's (demo, tumble, turntable-20dps) or a file.
+    #[arg(long, value_name = "SCENE")]
+    sim: Option<String>,
+    /// Let things go wrong on purpose with a simulated scene.
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
+    /// Overrides one key, e.g. lidar.port=2369 (every LiDAR), lidar.front.port=2369 (one); repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+    /// Serve simulated data beyond this machine.
+    #[arg(long)]
+    allow_nonlive: bool,
     /// Record everything that arrives, with checkpoints that `tumbled verify` compares with.
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
@@ -58,6 +88,8 @@ pub struct Args {
 pub struct RunReport {
     /// The session id.
     pub session: String,
+    /// `live` or `simulated`.
+    pub origin: StreamOrigin,
     /// Wall time at `t_ns` 0, ns since 1970-01-01 UTC as a decimal string.
     pub epoch_unix_ns: String,
     /// How long it was, s.
@@ -74,8 +106,24 @@ pub struct RunReport {
     pub recording: Vec<PathBuf>,
     /// Why the recording ended by itself; null: it did not.
     pub recording_stopped: Option<String>,
+    /// The scene that was simulated; null: nothing was.
+    pub simulation: Option<SimulationReport>,
+    /// What --faults did, by sensor; null: nothing.
+    pub faults: Option<FaultTruth>,
     /// Nothing was lost on this machine, and everything was recorded that was to be.
     pub complete: bool,
+}
+
+/// A scene in real time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SimulationReport {
+    /// The scene.
+    pub scene: String,
+    /// Its seed.
+    pub seed: u64,
+    /// What was left out because this machine was too slow: the sensors never sent it.
+    pub left_out: ShortfallReport,
 }
 
 /// Runs.
@@ -84,12 +132,30 @@ pub struct RunReport {
 /// Exit code 2: a config that cannot be run, an output that is there. 1: a port that is taken, a file that cannot be
 /// written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let mut loaded = args.config.load()?;
-    refuse(&loaded)?;
     let signals = signals::catch()?;
     let clock = SessionClock::start_on_system();
-    let header = live::header(&clock, &loaded);
-    let about = About { session: &header.session, origin: StreamOrigin::Live, unix_at_zero: header.unix_at_zero };
+    let unix_at_zero = live::unix_at_zero(&clock);
+    let simulated = args.scene()?.map(|scene| SimulatedRig::load(scene, args.faults.as_deref(), unix_at_zero));
+    let simulated = simulated.transpose()?;
+    let scene = simulated.as_ref().map(|rig| Arc::clone(&rig.scene));
+    let mut loaded = args.load(scene.as_deref())?;
+    let (recorded_as, origin) = match &simulated {
+        Some(rig) => {
+            tell_simulated(args, rig);
+            (Origin::Simulated, StreamOrigin::Simulated)
+        }
+        None => {
+            refuse_unreadable(&loaded)?;
+            (Origin::Live, StreamOrigin::Live)
+        }
+    };
+    if loaded.config.lidars.is_empty() && loaded.config.kinects.is_empty() {
+        return Err(Failure::input("the config has no sensor: there is nothing to measure with")
+            .with_help("add a [[lidar]] to the config"));
+    }
+    let header = live::header(unix_at_zero, recorded_as, &loaded);
+    let about = About { session: &header.session, origin, unix_at_zero };
+    tracing::info!(session = %header.session, origin = origin.name(), rig = %loaded.config.name, "starting");
     let core_config = setup::core_config(&loaded.config)?;
     let interpreter = engine::interpreter(&loaded.config, false);
     let rig = rig_digest(&header.config, &header.files);
@@ -99,14 +165,22 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         header: header.clone(),
         options: args.recorder.options(&loaded.config.record),
     });
-    let (server, publish) = Server::start(&loaded.config, about, false)?;
+    let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive)?;
     let core = CorePart { config: core_config, engine, publish };
-    let session = LiveSession::start(&loaded.config, &clock, &signals.stop, recording, Some(core))?;
-    tracing::info!(session = %header.session, origin = about.origin.name(), rig = %loaded.config.name, "running");
-    let timed_out = supervise(args, &session, &server, &signals, &clock, &mut loaded);
+    let rig = simulated.map_or(Rig::Devices, Rig::Simulated);
+    let session = LiveSession::start(rig, &loaded.config, &clock, &signals.stop, recording, Some(core))?;
+    tracing::info!(origin = origin.name(), "running");
+    // Where it listens is as it always is: no key was set.
+    if scene.is_some() && args.settings.is_empty() {
+        tracing::info!(
+            "look at it with `tumbled status --watch`, `nc 127.0.0.1 7117`, or Foxglove at ws://127.0.0.1:8765; Ctrl-C ends it"
+        );
+    }
+    let reload = || args.load(scene.as_deref());
+    let timed_out = supervise(args, &reload, &session, &server, &signals, &clock, &mut loaded);
     let end = session.end();
     server.stop();
-    let report = report(&header.session, header.unix_at_zero.0, end)?;
+    let report = report(&about, scene.as_deref(), end)?;
     if args.json {
         output::json(&report)?;
     } else {
@@ -115,8 +189,55 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(if report.complete || !timed_out { Outcome::Fine } else { Outcome::Incomplete })
 }
 
+impl Args {
+    /// The scene to simulate; `None`: the config's devices are read.
+    fn scene(&self) -> Result<Option<&str>, Failure> {
+        match (&self.config, &self.sim) {
+            (Some(config), Some(scene)) => {
+                let message = format!("--config {} and --sim {scene}: a session is of one rig", config.display());
+                let help = "leave out --config: a scene brings its own config, and --set changes its keys; or leave out \
+                            --sim to measure with real sensors";
+                Err(Failure::input(message).with_help(help))
+            }
+            (Some(_), None) if self.faults.is_some() => {
+                let message = "--faults with --config: faults are for rehearsals, and never done to real sensors' data";
+                Err(Failure::input(message).with_help("rehearse with `--sim SCENE --faults FILE`"))
+            }
+            (Some(_), None) => Ok(None),
+            (None, Some(scene)) => Ok(Some(scene.strip_prefix(SCHEME).unwrap_or(scene))),
+            (None, None) => Ok(Some(DEMO)),
+        }
+    }
+
+    fn load(&self, simulated: Option<&Scene>) -> Result<Loaded, Failure> {
+        let Some(scene) = simulated else {
+            return ConfigArgs { config: self.config.clone(), settings: self.settings.clone() }.load();
+        };
+        let name = format!("{SCHEME}{}", scene.config.name);
+        let loaded = operators(scene, Path::new(&name), &self.settings)?;
+        loaded.warnings.iter().for_each(render::warning);
+        Ok(loaded)
+    }
+}
+
+/// Nobody may take a rehearsal for a measurement.
+fn tell_simulated(args: &Args, rig: &SimulatedRig) {
+    let config = &rig.scene.config;
+    let why = if args.sim.is_none() { "there is no --config" } else { "--sim asks for it" };
+    tracing::warn!(
+        origin = StreamOrigin::Simulated.name(),
+        scene = %config.name,
+        "everything here is SIMULATED, because {why}: {}. With hardware: `tumbled run --config FILE`; \
+         `tumbled config init rig.toml` writes one to begin with",
+        config.about
+    );
+    if rig.faults.is_some() {
+        tracing::warn!("faults are done to the simulated data on purpose");
+    }
+}
+
 /// What this program cannot measure with must not look as if it did.
-fn refuse(loaded: &Loaded) -> Result<(), Failure> {
+fn refuse_unreadable(loaded: &Loaded) -> Result<(), Failure> {
     let config = &loaded.config;
     if let Some(kinect) = config.kinects.first() {
         return Err(Failure::input(format!(
@@ -124,10 +245,6 @@ fn refuse(loaded: &Loaded) -> Result<(), Failure> {
             kinect.id
         ))
         .with_help("put `kinect = []` at the top of the config to run without"));
-    }
-    if config.lidars.is_empty() {
-        return Err(Failure::input("the config has no sensor: there is nothing to measure with")
-            .with_help("add a [[lidar]] to the config"));
     }
     if config.turntable.is_some() {
         tracing::warn!("this build does not read the turntable: its angle is not known");
@@ -138,6 +255,7 @@ fn refuse(loaded: &Loaded) -> Result<(), Failure> {
 /// Until the end; whether it came by --duration.
 fn supervise(
     args: &Args,
+    reload: &dyn Fn() -> Result<Loaded, Failure>,
     session: &LiveSession,
     server: &Server,
     signals: &Signals,
@@ -148,7 +266,7 @@ fn supervise(
     loop {
         session.look(server.clients());
         if signals.take_reload() {
-            reread(args, session, clock, loaded);
+            reread(reload(), session, clock, loaded);
         }
         if let Some(reason) = session.recording_stopped().filter(|_| !recording_told) {
             tracing::error!("the recording stopped, measuring goes on: {reason}");
@@ -165,9 +283,9 @@ fn supervise(
     }
 }
 
-/// Reads the config again and hands what may change to the core, by way of the ledger.
-fn reread(args: &Args, session: &LiveSession, clock: &SessionClock, loaded: &mut Loaded) {
-    let next = match args.config.load() {
+/// Hands what may change of a config that was read again to the core, by way of the ledger.
+fn reread(next: Result<Loaded, Failure>, session: &LiveSession, clock: &SessionClock, loaded: &mut Loaded) {
+    let next = match next {
         Ok(next) => next,
         Err(failure) => {
             tracing::error!("the config was not taken over: {failure}");
@@ -192,33 +310,62 @@ fn reread(args: &Args, session: &LiveSession, clock: &SessionClock, loaded: &mut
     }
 }
 
-fn report(session: &str, unix_at_zero: i64, end: SessionEnd) -> Result<RunReport, Failure> {
+fn report(about: &About<'_>, scene: Option<&Scene>, end: SessionEnd) -> Result<RunReport, Failure> {
     let core = end.core.ok_or_else(|| Failure::failed("the session had no core"))?;
+    let SourcesEnd { sources, shortfall, faults } = end.sources;
     let recording = end.recording.unwrap_or_default();
-    let lost_here: u64 = end.sources.iter().map(|source| source.lost_kernel + source.lost_queue).sum();
+    let lost_here: u64 = sources.iter().map(|source| source.lost_kernel + source.lost_queue).sum();
     let not_recorded =
         recording.counters.lost_total() + recording.lost_at_stop + recording.after_stop + recording.unrecordable;
-    let failed = end.sources.iter().any(|source| source.error.is_some());
+    let failed = sources.iter().any(|source| source.error.is_some());
+    let simulation = scene.zip(shortfall).map(|(scene, left_out)| SimulationReport {
+        scene: scene.config.name.clone(),
+        seed: scene.config.seed,
+        left_out,
+    });
     Ok(RunReport {
-        session: session.to_owned(),
-        epoch_unix_ns: unix_at_zero.to_string(),
+        session: about.session.to_owned(),
+        origin: about.origin,
+        epoch_unix_ns: about.unix_at_zero.0.to_string(),
         duration_s: core.checkpoint.t_ns as f64 * 1e-9,
         digest: core.checkpoint.outputs_digest(),
         checkpoint: core.checkpoint,
         sensors: core.sensors,
         complete: lost_here + not_recorded + end.undelivered == 0 && recording.stopped.is_none() && !failed,
-        sources: end.sources,
+        sources,
+        simulation,
+        faults,
         recording: recording.parts,
         recording_stopped: recording.stopped.map(|reason| reason.to_string()),
     })
 }
 
+/// What was done to a sensor's items, in a line.
+fn done_to(counts: &FaultCounts) -> String {
+    let counts = serde_json::to_value(counts).unwrap_or_default();
+    let done = counts.as_object().into_iter().flatten().filter(|(_, n)| n.as_u64() != Some(0));
+    done.map(|(what, n)| format!("{n} {}", what.replace('_', " "))).collect::<Vec<_>>().join(", ")
+}
+
 fn text(report: &RunReport) -> String {
     let RunReport { checkpoint, duration_s, .. } = report;
-    let mut text = format!("{} events, {} epochs in {duration_s:.1} s\n", checkpoint.events, checkpoint.epochs);
+    let mut text = String::new();
+    if let Some(SimulationReport { scene, left_out: ShortfallReport { left_out_s, late, .. }, .. }) = &report.simulation
+    {
+        text.push_str(&format!("SIMULATED: the scene {scene}"));
+        if *left_out_s > 0.0 || *late > 0 {
+            let missing = format!("{left_out_s:.1} s of it and {late} items");
+            text.push_str(&format!("; {missing} were left out, because this machine was too slow"));
+        }
+        text.push('\n');
+    }
+    text.push_str(&format!("{} events, {} epochs in {duration_s:.1} s\n", checkpoint.events, checkpoint.epochs));
     for sensor in &report.sensors {
         let SensorHealth { id, received, lost, points, .. } = sensor;
         text.push_str(&format!("  {id}: {received} received, {} lost, {} points\n", lost.total, points.in_epochs));
+    }
+    for (sensor, counts) in report.faults.iter().flat_map(|faults| &faults.sensors) {
+        text.push_str(&format!("  faults of {sensor}: {}\n", done_to(counts)));
     }
     for source in &report.sources {
         if let Some(error) = &source.error {

@@ -17,25 +17,29 @@ use tumbled_io::recording::thread::ResultSink;
 use tumbled_io::recording::{
     Origin, RecorderOptions, RecorderState, RecorderThread, RecordingHeader, RecordingSummary, StopReason,
 };
-use tumbled_model::Span;
+use tumbled_model::{Span, UnixNs};
 
 use super::chain::Checkpoint;
 use super::engine::Engine;
 use super::publish::Publish;
 use super::shell::{self, Facts};
-use super::sources::{self, RunningSource, SourceReport};
+use super::sources::{self, Rig, RunningSources, SourcesEnd};
 use super::steps::StepTimes;
 use crate::cli::{Failure, VERSION, import};
 use crate::config::{Config, Loaded, show};
 use crate::stream::{ClientTotals, ShellHealth};
 
-/// What a session's recording says of itself.
-pub fn header(clock: &SessionClock, loaded: &Loaded) -> RecordingHeader {
+/// This machine's wall time at a session's start.
+pub fn unix_at_zero(clock: &SessionClock) -> UnixNs {
     let now = clock.now();
-    let unix_at_zero = now.wall - Span(now.rig.0);
+    now.wall - Span(now.rig.0)
+}
+
+/// What a session's recording says of itself.
+pub fn header(unix_at_zero: UnixNs, origin: Origin, loaded: &Loaded) -> RecordingHeader {
     RecordingHeader {
         session: format!("{:x}-{:x}", unix_at_zero.0, std::process::id()),
-        origin: Origin::Live,
+        origin,
         program: VERSION.to_owned(),
         unix_at_zero,
         config: show::text(&loaded.tree, false),
@@ -96,9 +100,10 @@ pub struct RecordingPart {
 pub struct LiveSession {
     stop: StopToken,
     started: Instant,
+    clock: SessionClock,
     control: ControlIntake,
     ledger: LedgerHandle,
-    sources: Vec<RunningSource>,
+    sources: RunningSources,
     recorder: Option<(RecorderThread, PathBuf)>,
     core: Option<JoinHandle<CoreEnd>>,
     facts: Facts,
@@ -116,8 +121,8 @@ pub struct CoreEnd {
 /// What a session was.
 #[derive(Debug)]
 pub struct SessionEnd {
-    /// The sources, in the config's order.
-    pub sources: Vec<SourceReport>,
+    /// The sources.
+    pub sources: SourcesEnd,
     /// The core; `None`: there was none.
     pub core: Option<CoreEnd>,
     /// The recording; `None`: there was none.
@@ -132,6 +137,7 @@ impl LiveSession {
     /// # Errors
     /// Exit code 1: a port that cannot be had, a file that cannot be written, no threads. 2: a file that is there.
     pub fn start(
+        rig: Rig,
         config: &Config,
         clock: &SessionClock,
         stop: &StopToken,
@@ -140,7 +146,7 @@ impl LiveSession {
     ) -> Result<Self, Failure> {
         let mut ledger = Ledger::live(clock.clone());
         let control = ledger.control();
-        let opened = sources::open(config, &mut ledger, clock)?;
+        let opened = sources::open(rig, config, &mut ledger, clock)?;
         let recorder = match recording {
             Some(RecordingPart { path, header, options }) => {
                 let recorder = import::create_with(&path, header, options)?;
@@ -160,8 +166,9 @@ impl LiveSession {
             None => None,
         };
         let ledger = ledger.start().map_err(Failure::failed)?;
-        let sources = opened.into_iter().map(|source| source.start(clock, stop)).collect::<Result<_, _>>()?;
-        Ok(Self { stop: stop.clone(), started: Instant::now(), control, ledger, sources, recorder, core, facts })
+        let sources = opened.start(clock, stop)?;
+        let (stop, clock, started) = (stop.clone(), clock.clone(), Instant::now());
+        Ok(Self { stop, started, clock, control, ledger, sources, recorder, core, facts })
     }
 
     /// The way for an operator's orders and changed configs.
@@ -196,7 +203,7 @@ impl LiveSession {
     /// Reads the facts of this moment for health. Call it a few times a second.
     pub fn look(&self, clients: ClientTotals) {
         let recorder = self.recorder.as_ref().map(|(recorder, path)| (recorder.status(), path.as_path()));
-        let health = shell::look(self.started.elapsed(), &self.ledger, &self.sources, recorder);
+        let health = shell::look((self.started.elapsed(), self.clock.now().rig), &self.ledger, &self.sources, recorder);
         self.facts.set(ShellHealth { stream: clients.into(), ..health });
     }
 
@@ -205,7 +212,7 @@ impl LiveSession {
     pub fn end(self) -> SessionEnd {
         self.stop.stop();
         let _guard = StopGuard::new();
-        let sources = self.sources.into_iter().map(RunningSource::join).collect();
+        let sources = self.sources.join();
         let ledger = self.ledger.stop();
         let core = self.core.map(|core| core.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         let recording = self.recorder.map(|(recorder, _)| recorder.finish());

@@ -29,4 +29,4 @@ pub use engine::{Engine, Step};
 pub use live::{LiveSession, SessionEnd};
 pub use pace::{Pace, Speed};
 pub use publish::Publish;
-pub use sources::SourceReport;
+pub use sources::{Rig, SourceReport};

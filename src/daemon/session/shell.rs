@@ -9,9 +9,11 @@ use tumbled_io::live::outlet::{CORE_QUEUE_BYTES, RECORDER_QUEUE_BYTES};
 use tumbled_io::live::{LedgerHandle, OutletGauge};
 use tumbled_io::recording::thread::RecorderStatus as Status;
 use tumbled_io::recording::{FileSystem, RecorderState, StopReason, Storage};
+use tumbled_model::RigNs;
 
-use super::sources::RunningSource;
-use crate::stream::{QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth};
+use super::sources::RunningSources;
+use crate::simulation::live::shortfall::ShortfallReport;
+use crate::stream::{QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth};
 
 /// The newest facts: the main thread looks, the core's thread tells. Clones share them.
 #[derive(Clone, Debug, Default)]
@@ -29,9 +31,9 @@ impl Facts {
 
 /// Reads them.
 pub(super) fn look(
-    uptime: Duration,
+    (uptime, now): (Duration, RigNs),
     ledger: &LedgerHandle,
-    sources: &[RunningSource],
+    sources: &RunningSources,
     recorder: Option<(Status, &Path)>,
 ) -> ShellHealth {
     let names: &[(&str, usize)] = match recorder {
@@ -39,7 +41,7 @@ pub(super) fn look(
         None => &[("ledger -> core", CORE_QUEUE_BYTES)],
     };
     // Both in the order of the config.
-    let sources = ledger.queues().into_iter().zip(sources).map(|(queue, source)| QueueHealth {
+    let queues = ledger.queues().into_iter().zip(sources.sources()).map(|(queue, source)| QueueHealth {
         name: format!("{} -> ledger", queue.sensor),
         unit: QueueUnit::Items,
         waiting: queue.waiting as u64,
@@ -48,13 +50,22 @@ pub(super) fn look(
     });
     let outlets = ledger.outlets().iter().zip(names).map(|(gauge, (name, bound))| outlet(gauge, name, *bound));
     let recorder = recorder.map(|(status, path)| (recorder_health(&status, path), status));
+    let mut reasons = recorder.as_ref().map(|(_, status)| reasons(status)).unwrap_or_default();
+    let scene = sources.scene().map(|scene| {
+        let left_out = scene.shortfall().report();
+        if scene.shortfall().is_recent(now) {
+            reasons.push(too_slow(&left_out));
+        }
+        SimulationHealth { scene: scene.name().to_owned(), left_out }
+    });
     ShellHealth {
-        reasons: recorder.as_ref().map(|(_, status)| reasons(status)).unwrap_or_default(),
+        reasons,
         uptime_s: uptime.as_secs_f64(),
         memory_bytes: memory_bytes(),
-        queues: sources.chain(outlets).collect(),
+        queues: queues.chain(outlets).collect(),
         shed_scans: ledger.shed_scans(),
         recorder: recorder.map(|(health, _)| health),
+        simulation: scene,
         ..ShellHealth::default()
     }
 }
@@ -98,6 +109,15 @@ fn reasons(status: &Status) -> Vec<Reason> {
         reasons.push(reason("recording_incomplete", message));
     }
     reasons
+}
+
+fn too_slow(left_out: &ShortfallReport) -> Reason {
+    let ShortfallReport { left_out_s, late, .. } = left_out;
+    let message = format!(
+        "this machine is too slow for the simulated sensors: {left_out_s:.1} s of the scene and {late} items were left \
+         out since the start; end other programs, or simulate fewer sensors (`--set kinect=[]`)"
+    );
+    Reason { level: Level::Degraded, sensor: None, key: "simulation_behind".to_owned(), message }
 }
 
 /// Memory of this process that is in RAM.

@@ -1,22 +1,67 @@
-//! The rig's live sources: opened before any of them runs, kept running, told to stop together.
+//! A session's sources: opened before any of them runs, kept running, told to stop together.
+//!
+//! Simulated LiDARs are received by the same sources, on free ports of loopback; what sends to them, and puts everything
+//! else in, is a [`SimulatedRig`].
 
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_io::live::{
     Backoff, Device, Intake, Ledger, Notice, Opener, QueueBound, SessionClock, Source, SourceCounters, SourceInfo,
-    StopToken, Supervised, UdpConfig, UdpOpener, supervise,
+    StopToken, Supervised, UdpConfig, UdpInfo, UdpOpener, supervise,
 };
+use tumbled_model::SensorId;
+use tumbled_sim::faults::FaultTruth;
 
+use super::setup::TURNTABLE;
 use crate::cli::Failure;
 use crate::config::{Config, LidarConfig};
+use crate::simulation::live::shortfall::ShortfallReport;
+use crate::simulation::live::{RunningScene, SimulatedRig, Way};
+
+/// Where a session's data come from.
+#[derive(Clone, Debug)]
+pub enum Rig {
+    /// The config's devices.
+    Devices,
+    /// A scene in real time.
+    Simulated(SimulatedRig),
+}
+
+/// Everything that is open and does not run yet.
+pub struct OpenedSources {
+    /// In the order of their ways into the ledger.
+    sources: Vec<OpenedSource>,
+    scene: Option<(SimulatedRig, BTreeMap<SensorId, Way>)>,
+}
+
+/// Everything that runs.
+#[derive(Debug)]
+pub struct RunningSources {
+    sources: Vec<RunningSource>,
+    scene: Option<RunningScene>,
+}
+
+/// What the sources did.
+#[derive(Clone, Debug, Default)]
+pub struct SourcesEnd {
+    /// Each, in the config's order.
+    pub sources: Vec<SourceReport>,
+    /// What a scene left out; `None`: nothing was simulated.
+    pub shortfall: Option<ShortfallReport>,
+    /// What was done on purpose; `None`: nothing.
+    pub faults: Option<FaultTruth>,
+}
 
 /// A source that is open and not running yet.
-pub struct OpenedSource {
-    opener: UdpOpener,
-    source: Box<dyn Source>,
-    intake: Intake,
+enum OpenedSource {
+    /// A LiDAR's sockets.
+    Udp { opener: UdpOpener, source: Box<dyn Source>, intake: Intake },
+    /// A simulated sensor that is no LiDAR: the scene has its intake.
+    OfScene { sensor: SensorId, counters: Arc<SourceCounters> },
 }
 
 /// A source that runs.
@@ -24,22 +69,60 @@ pub struct OpenedSource {
 pub struct RunningSource {
     sensor: String,
     counters: Arc<SourceCounters>,
-    supervised: Supervised,
+    /// `None`: the scene's threads run it.
+    supervised: Option<Supervised>,
 }
 
 /// Opens every source of the config: a port that is taken is told at once, before anything runs.
 ///
 /// # Errors
 /// Exit code 2: two LiDARs on one port. 1: a port that cannot be had.
-pub fn open(config: &Config, ledger: &mut Ledger, clock: &SessionClock) -> Result<Vec<OpenedSource>, Failure> {
-    refuse_shared_ports(&config.lidars)?;
-    let open = |lidar: &LidarConfig| {
-        let intake = ledger.intake(lidar.id.clone(), QueueBound::LIDAR_PACKETS);
-        let mut opener = UdpOpener::new(udp(lidar), clock.clone());
-        let source = opener.open().map_err(Failure::failed)?;
-        Ok(OpenedSource { opener, source, intake })
-    };
-    config.lidars.iter().map(open).collect()
+pub fn open(rig: Rig, config: &Config, ledger: &mut Ledger, clock: &SessionClock) -> Result<OpenedSources, Failure> {
+    match rig {
+        Rig::Devices => {
+            refuse_shared_ports(&config.lidars)?;
+            let open = |lidar: &LidarConfig| open_udp(udp(lidar), ledger, clock).map(|(opened, _)| opened);
+            let sources = config.lidars.iter().map(open).collect::<Result<_, _>>()?;
+            Ok(OpenedSources { sources, scene: None })
+        }
+        Rig::Simulated(scene) => open_simulated(scene, config, ledger, clock),
+    }
+}
+
+fn open_udp(udp: UdpConfig, ledger: &mut Ledger, clock: &SessionClock) -> Result<(OpenedSource, Device), Failure> {
+    let intake = ledger.intake(udp.sensor.clone(), QueueBound::LIDAR_PACKETS);
+    let mut opener = UdpOpener::new(udp, clock.clone());
+    let source = opener.open().map_err(Failure::failed)?;
+    let device = source.describe().device;
+    Ok((OpenedSource::Udp { opener, source, intake }, device))
+}
+
+/// A way in for each sensor of the config. LiDARs get free ports of loopback, whatever the config says: a scene disturbs
+/// no sensor on the network, and no other scene.
+fn open_simulated(
+    scene: SimulatedRig,
+    config: &Config,
+    ledger: &mut Ledger,
+    clock: &SessionClock,
+) -> Result<OpenedSources, Failure> {
+    let (mut sources, mut ways) = (Vec::new(), BTreeMap::new());
+    for lidar in &config.lidars {
+        let address = IpAddr::V4(Ipv4Addr::LOCALHOST);
+        let udp = UdpConfig { address, port: 0, position_port: Some(0), ..UdpConfig::new(lidar.id.clone()) };
+        let (opened, device) = open_udp(udp, ledger, clock)?;
+        if let Device::Udp(UdpInfo { data, position: Some(position), .. }) = device {
+            ways.insert(lidar.id.clone(), Way::Datagrams { data, position });
+        }
+        sources.push(opened);
+    }
+    let kinects = config.kinects.iter().map(|kinect| (kinect.id.clone(), QueueBound::KINECT_FRAMES));
+    let serials = config.turntable.iter().map(|_| (SensorId::from(TURNTABLE), QueueBound::SERIAL_CHUNKS));
+    for (sensor, bound) in kinects.chain(serials) {
+        let intake = ledger.intake(sensor.clone(), bound);
+        sources.push(OpenedSource::OfScene { sensor: sensor.clone(), counters: intake.counters() });
+        ways.insert(sensor, Way::Intake(intake));
+    }
+    Ok(OpenedSources { sources, scene: Some((scene, ways)) })
 }
 
 /// Captures may hold two LiDARs on one port, told apart by their addresses; a live port belongs to one.
@@ -56,17 +139,51 @@ fn refuse_shared_ports(lidars: &[LidarConfig]) -> Result<(), Failure> {
     Ok(())
 }
 
-impl OpenedSource {
-    /// Lets it run, on a thread of its own, until the stop.
+impl OpenedSources {
+    /// Lets everything run until the stop.
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub fn start(self, clock: &SessionClock, stop: &StopToken) -> Result<RunningSource, Failure> {
-        let Self { opener, source, intake } = self;
+    pub fn start(self, clock: &SessionClock, stop: &StopToken) -> Result<RunningSources, Failure> {
+        // Who receives is there before who sends.
+        let sources = self.sources.into_iter().map(|source| source.start(clock, stop)).collect::<Result<_, _>>()?;
+        let scene = self.scene.map(|(scene, ways)| scene.start(ways, clock, stop)).transpose()?;
+        Ok(RunningSources { sources, scene })
+    }
+}
+
+impl RunningSources {
+    /// Each source, in the order of their ways into the ledger.
+    pub(super) fn sources(&self) -> &[RunningSource] {
+        &self.sources
+    }
+
+    /// The scene; `None`: nothing is simulated.
+    pub(super) fn scene(&self) -> Option<&RunningScene> {
+        self.scene.as_ref()
+    }
+
+    /// Waits for the end of all: tell them to stop first.
+    pub fn join(self) -> SourcesEnd {
+        let (shortfall, faults) = self.scene.map(RunningScene::join).unzip();
+        let sources = self.sources.into_iter().map(RunningSource::join).collect();
+        SourcesEnd { sources, shortfall, faults: faults.flatten() }
+    }
+}
+
+impl OpenedSource {
+    /// Lets it run, on a thread of its own, until the stop.
+    fn start(self, clock: &SessionClock, stop: &StopToken) -> Result<RunningSource, Failure> {
+        let (opener, source, intake) = match self {
+            Self::Udp { opener, source, intake } => (opener, source, intake),
+            Self::OfScene { sensor, counters } => {
+                return Ok(RunningSource { sensor: sensor.to_string(), counters, supervised: None });
+            }
+        };
         let (sensor, counters) = (opener.sensor().to_string(), intake.counters());
         let (clock, stop, told) = (clock.clone(), stop.clone(), notice(&sensor));
         let supervised = supervise(Box::new(opener), Some(source), intake, clock, stop, Backoff::default(), told);
-        Ok(RunningSource { sensor, counters, supervised: supervised.map_err(Failure::failed)? })
+        Ok(RunningSource { sensor, counters, supervised: Some(supervised.map_err(Failure::failed)?) })
     }
 }
 
@@ -76,7 +193,7 @@ impl OpenedSource {
 pub struct SourceReport {
     /// The sensor.
     pub sensor: String,
-    /// Packets delivered.
+    /// Packets, frames or chunks delivered.
     pub packets: u64,
     /// Their payload, bytes.
     pub bytes: u64,
@@ -99,9 +216,9 @@ impl RunningSource {
     }
 
     /// Waits for its end: tell it to stop first.
-    pub fn join(self) -> SourceReport {
-        let ended = self.supervised.join();
-        let counts = ended.summary;
+    fn join(self) -> SourceReport {
+        let error = self.supervised.and_then(|supervised| supervised.join().error);
+        let counts = self.counters.snapshot();
         SourceReport {
             sensor: self.sensor,
             packets: counts.delivered,
@@ -110,7 +227,7 @@ impl RunningSource {
             lost_queue: counts.lost_queue,
             other_source: counts.other_source,
             oversized: counts.oversized,
-            error: ended.error.map(|error| error.to_string()),
+            error: error.map(|error| error.to_string()),
         }
     }
 }

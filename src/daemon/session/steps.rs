@@ -51,12 +51,17 @@ impl StepTimes {
         all.filter(|(_, steps)| steps.count > 0)
             .map(|(name, steps)| StepHealth {
                 name: (*name).to_owned(),
-                p50_ms: steps.percentile_ms(0.5),
-                p99_ms: steps.percentile_ms(0.99),
-                max_ms: steps.max.as_secs_f64() * 1e3,
+                p50_ms: whole_us(steps.percentile_ms(0.5)),
+                p99_ms: whole_us(steps.percentile_ms(0.99)),
+                max_ms: whole_us(steps.max.as_secs_f64() * 1e3),
             })
             .collect()
     }
+}
+
+/// People read it: no clock tells more.
+fn whole_us(ms: f64) -> f64 {
+    (ms * 1e3).round() / 1e3
 }
 
 impl Default for StepTimes {

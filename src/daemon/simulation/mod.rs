@@ -3,12 +3,16 @@
 //! * [`faults`]: fault files, and what was done by them;
 //! * [`scenes`]: scenes by name or file;
 //! * [`rig`]: the config of a simulated rig, as an operator would have it and as it is;
-//! * [`ledger`]: a simulated session as a ledger.
+//! * [`ledger`]: a simulated session as a ledger;
+//! * [`live`]: a scene in real time, for a live session; [`stage`]: its turntable on a serial port;
+//! * [`faults`]: fault files.
 
 pub mod faults;
 pub mod ledger;
+pub mod live;
 pub mod rig;
 pub mod scenes;
+pub mod stage;
 
 pub use ledger::SimulatedLedger;
 pub use scenes::{SCHEME, scene_of};

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tumbled_model::UnixNs;
 use tumbled_sim::scene::{Scene, SceneConfig};
 
 use crate::cli::Failure;
@@ -36,6 +37,22 @@ pub fn load(name: &str) -> Result<Scene, Failure> {
 /// # Errors
 /// As [`load`].
 pub fn load_with(name: &str, seed: Option<u64>, duration: Option<Duration>) -> Result<Scene, Failure> {
+    let mut config = read(name)?;
+    config.seed = seed.unwrap_or(config.seed);
+    config.duration_s = duration.map_or(config.duration_s, |duration| duration.as_secs_f64());
+    Scene::build(config).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
+}
+
+/// The same without an end, for a live session whose zero is this wall time.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_endless(name: &str, unix_at_zero: UnixNs) -> Result<Scene, Failure> {
+    let failed = |error| Failure::input(format!("the scene {name}: {error}"));
+    Scene::endless(read(name)?, unix_at_zero).map_err(failed)
+}
+
+fn read(name: &str) -> Result<SceneConfig, Failure> {
     let of_program = SCENES.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned());
     let text = match of_program {
         Some(text) => text,
@@ -45,11 +62,7 @@ pub fn load_with(name: &str, seed: Option<u64>, duration: Option<Duration>) -> R
                 .with_help(format!("the program's own scenes are {}", known.join(", ")))
         })?,
     };
-    let mut config: SceneConfig =
-        toml::from_str(&text).map_err(|error| Failure::input(format!("the scene {name}: {error}")))?;
-    config.seed = seed.unwrap_or(config.seed);
-    config.duration_s = duration.map_or(config.duration_s, |duration| duration.as_secs_f64());
-    Scene::build(config).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
+    toml::from_str(&text).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
 }
 
 /// Threads that make a scene; 0 = one for each processor. Changes no byte.

@@ -11,6 +11,7 @@ use tumbled_model::{RigNs, UnixNs};
 use super::class::Class;
 use super::hello::StreamOrigin;
 use super::hub::ClientTotals;
+use crate::simulation::live::shortfall::ShortfallReport;
 
 /// Health, once a second.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -62,6 +63,9 @@ pub struct ShellHealth {
     pub shed_scans: u64,
     /// The recorder; null when nothing is recorded.
     pub recorder: Option<RecorderHealth>,
+    /// The scene whose sensors are simulated; null: nothing is simulated in real time.
+    #[serde(default)]
+    pub simulation: Option<SimulationHealth>,
     /// Clients of the state stream.
     pub stream: StreamHealth,
     /// How long the steps of the work take, over the last minute.
@@ -127,6 +131,15 @@ pub struct RecorderHealth {
     pub synced_s: Option<f64>,
     /// Free on its disk, bytes.
     pub disk_free_bytes: Option<u64>,
+}
+
+/// A scene in real time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SimulationHealth {
+    /// Its name.
+    pub scene: String,
+    /// What was left out since the start because this machine was too slow.
+    pub left_out: ShortfallReport,
 }
 
 /// Clients of the state stream, counted since the start.

@@ -6,7 +6,7 @@ use tumbled_core::health::{ClockHealth, LossHealth, SensorHealth, SensorKind};
 use tumbled_core::{ClockMode, Level};
 
 use super::StatusReport;
-use crate::stream::{QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, StreamOrigin};
+use crate::stream::{QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth, StreamOrigin};
 
 /// The status as text, its last line ended.
 pub(super) fn render(report: &StatusReport) -> String {
@@ -158,6 +158,14 @@ fn machine(lines: &mut Vec<String>, shell: &ShellHealth) {
     }
     if shell.shed_scans > 0 {
         lines.push(format!("shed: {} scans, because the computation was behind; they are recorded", shell.shed_scans));
+    }
+    if let Some(SimulationHealth { scene, left_out }) = &shell.simulation {
+        let mut line = format!("simulated scene: {scene}");
+        if left_out.left_out_s > 0.0 || left_out.late > 0 {
+            let lapse = lapse(left_out.left_out_s);
+            line.push_str(&format!(", {lapse} and {} items left out because this machine was too slow", left_out.late));
+        }
+        lines.push(line);
     }
     match &shell.recorder {
         Some(recorder) => lines.push(format!("recorder: {}", recording(recorder))),
