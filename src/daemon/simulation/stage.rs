@@ -3,14 +3,13 @@
 use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tumbled_io::live::{PseudoTerminal, SessionClock, StopToken};
-use tumbled_model::{RigNs, Span};
+use tumbled_model::Span;
 use tumbled_sim::scene::Scene;
-use tumbled_sim::turntable::{EmulatorSettings, Latency, Outgoing, ScriptedStage, Stage, StageState, ZaberEmulator};
+use tumbled_sim::turntable::{Latency, Outgoing, ZaberEmulator};
 
 /// What a device takes over an answer: from the request to the position, and from there to the reply.
 const LATENCY: Latency = Latency { to_sample: Span(300_000), to_reply: Span(300_000) };
@@ -27,12 +26,13 @@ pub struct EmulatedStage {
 }
 
 impl EmulatedStage {
-    /// Lets a scene's stage answer, where it is at each instant of the session. `None`: the scene has none.
+    /// Lets a scene's stage answer, where it is at each instant of the session; orders to move it refuses, since the scene
+    /// has its motion. `None`: the scene has none.
     ///
     /// # Errors
     /// When the system has no pseudo terminal or no thread.
     pub fn start(scene: &Scene, clock: &SessionClock, stop: &StopToken) -> io::Result<Option<Self>> {
-        let Some(emulator) = emulator(scene) else { return Ok(None) };
+        let Some(emulator) = scene.emulator() else { return Ok(None) };
         let terminal = PseudoTerminal::open()?;
         let path = terminal.path().to_owned();
         let mut port = Port { terminal, emulator, clock: clock.clone(), stop: stop.clone(), answers: VecDeque::new() };
@@ -54,17 +54,6 @@ impl EmulatedStage {
     pub fn join(self) {
         self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     }
-}
-
-/// The emulator of a scene's stage; it refuses orders to move, since the scene has its motion. `None`: there is no stage.
-fn emulator(scene: &Scene) -> Option<ZaberEmulator> {
-    let stage = scene.stage()?;
-    let angle = move |t: RigNs| {
-        let turn = stage.stage(t);
-        StageState { angle_rad: turn.angle_rad, rate_rps: turn.rate_rps }
-    };
-    let scripted = ScriptedStage::new(Arc::new(angle), Vec::new());
-    Some(ZaberEmulator::new(EmulatorSettings::usual(scene.config.seed), Stage::Scripted(scripted)))
 }
 
 struct Port {

@@ -25,9 +25,10 @@ use std::thread::JoinHandle;
 
 use tumbled_io::live::{Intake, SessionClock, StopToken, UdpSender};
 use tumbled_model::{SensorId, Span, UnixNs};
-use tumbled_sim::faults::{Action, FaultInjector, FaultScript, FaultTruth};
+use tumbled_sim::faults::{Action, Fault, FaultInjector, FaultScript, FaultTruth};
 use tumbled_sim::scene::Scene;
 use tumbled_sim::session::Simulation;
+use tumbled_sim::turntable;
 
 use super::stage::EmulatedStage;
 use super::{faults, scenes};
@@ -81,9 +82,11 @@ impl SimulatedRig {
     /// Exit code 2: no such scene; a file that is none, or faults of sensors that the scene does not have.
     pub fn load(name: &str, script: Option<&std::path::Path>, unix_at_zero: UnixNs) -> Result<Self, Failure> {
         let scene = scenes::load_endless(name, unix_at_zero)?;
-        let faults = script.map(faults::read).transpose()?;
-        if let Some(script) = &faults {
-            check(script, &scene)?;
+        let faults = script.map(|path| faults::read_for(path, &sensors(&scene))).transpose()?;
+        let steps_wall = |fault: &Fault| matches!(fault.action, Action::WallStep { .. });
+        if faults.as_ref().is_some_and(|script| script.fault.iter().any(steps_wall)) {
+            let why = "a live session's wall clock is this machine's; replay takes it";
+            tracing::warn!("wall_step does nothing here: {why}");
         }
         Ok(Self { scene: Arc::new(scene), faults })
     }
@@ -164,19 +167,12 @@ impl RunningScene {
     }
 }
 
-/// What cannot happen to this scene in a live session is told, not left out in silence.
-fn check(script: &FaultScript, scene: &Scene) -> Result<(), Failure> {
-    let lidars = scene.lidars.iter().map(|lidar| lidar.id.as_str());
-    let names: Vec<&str> = lidars.chain(scene.kinects.iter().map(|kinect| kinect.id.as_str())).collect();
-    let named = script.fault.iter().zip(1..).filter_map(|(fault, n)| Some((fault.sensor.as_deref()?, n)));
-    if let Some((sensor, n)) = named.into_iter().find(|(sensor, _)| !names.contains(sensor)) {
-        return Err(Failure::input(format!("fault {n} is of the sensor `{sensor}`, which the scene does not have"))
-            .with_help(format!("its sensors are {}", names.join(", "))));
-    }
-    if script.fault.iter().any(|fault| matches!(fault.action, Action::WallStep { .. })) {
-        tracing::warn!("wall_step does nothing in a live session: its wall clock is this machine's; replay takes it");
-    }
-    Ok(())
+/// The sensors of a scene, as fault files name them.
+fn sensors(scene: &Scene) -> Vec<SensorId> {
+    let lidars = scene.lidars.iter().map(|lidar| lidar.id.clone());
+    let kinects = scene.kinects.iter().map(|kinect| kinect.id.clone());
+    let stage = scene.stage().map(|_| SensorId::from(turntable::SENSOR));
+    lidars.chain(kinects).chain(stage).collect()
 }
 
 /// Threads that share the making; one processor is left to the core. `None`: the making thread alone.

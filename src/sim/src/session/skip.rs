@@ -34,6 +34,11 @@ impl Simulation {
             frames.line.skip(first - frames.next);
             frames.next = first;
         }
+        if let Some(serial) = &mut self.serial {
+            while serial.next_if(|entry| entry.at < until).is_some() {
+                self.chunks += 1;
+            }
+        }
         self.made = self.made.max(until);
     }
 
