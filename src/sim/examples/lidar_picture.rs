@@ -116,7 +116,7 @@ fn turn(file: &Path, head: Head) -> Result<(), Box<dyn Error>> {
     for point in out.points.iter_range(0..out.points.len()) {
         // Where it lies, not where its beam looks: an HDL-64E's leave beside each other.
         let [x, y, _] = point.xyz.map(f64::from);
-        let ahead_deg = (-y).atan2(x).to_degrees() + 90.0;
+        let ahead_deg = libm::atan2(-y, x).to_degrees() + 90.0;
         let place = [(ahead_deg * 5.0) as i64, row * (rings - 1 - i64::from(point.ring))];
         // Two columns: firings are 0.17° to 0.2° apart.
         picture.fill(place, [2, row], by_range(f64::from(point.range_m), [1.4, 5.0]));
@@ -242,7 +242,7 @@ fn residual_histograms(file: &Path, heads: [Head; 3]) -> Result<(), Box<dyn Erro
             let high = scale * f64::from(count) / found.len() as f64;
             picture.fill([left, (HEIGHT - high) as i64], [2, high.ceil() as i64], [120, 150, 200]);
             let z = (bin as f64 - 59.5) / 15.0;
-            let expected = scale * (-0.5 * z * z).exp() / (15.0 * TAU.sqrt());
+            let expected = scale * libm::exp(-0.5 * z * z) / (15.0 * TAU.sqrt());
             picture.fill([left, (HEIGHT - expected) as i64 - 1], [2, 2], [200, 30, 30]);
         }
         // Zero, and one σ to either side.

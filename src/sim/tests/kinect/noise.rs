@@ -113,7 +113,7 @@ fn depths_lie_on_a_lattice_whose_steps_grow_with_the_square_of_the_depth() {
         assert!((step / step_mm - 1.0).abs() < 0.15, "{distance} m: {step} mm");
         // No level is left out or lies between two: each step is the mean one, times (z/z₀)² at either end.
         for pair in levels.windows(2) {
-            let here = step * (pair[1] / distance).powi(2);
+            let here = step * (pair[1] / distance) * (pair[1] / distance);
             let found = 1e3 * (pair[1] - pair[0]);
             assert!((found / here - 1.0).abs() < 0.1, "{distance} m: a step of {found} mm at {} m", pair[1]);
         }
