@@ -61,7 +61,7 @@ fn what_follows_a_skip_is_what_it_would_have_been() {
 fn an_endless_scene_turns_on_and_starts_over_where_the_target_would_leave() {
     let unix = UnixNs(1_800_000_000_000_000_000);
     let at = |motion: &str, s: f64| {
-        let scene = Scene::endless(config(&motion.replace('\n', " ")), unix).expect("a scene");
+        let scene = Scene::endless(config(&motion.replace('\n', " ")), None, unix).expect("a scene");
         assert_eq!((scene.unix_at_zero(), scene.duration().0), (unix, 1_000_000_000_000_000));
         scene.world.target(RigNs((s * 1e9) as i64)).expect("a target").t_rig_body
     };

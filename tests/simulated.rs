@@ -11,10 +11,14 @@ use tumbled_velodyne::hdl64::Calibration;
 
 use crate::support::{Workbench, repository};
 
-/// The accuracy scene, six seconds of it.
+/// The accuracy scene's file.
+fn accuracy_scene() -> String {
+    std::fs::read_to_string(repository().join("config/scenes/turntable-20dps.toml")).expect("a scene")
+}
+
+/// Six seconds of it.
 fn short_scene(bench: &Workbench) {
-    let scene = std::fs::read_to_string(repository().join("config/scenes/turntable-20dps.toml")).expect("a scene");
-    bench.file("short.toml", scene.replace("duration_s = 60.0", "duration_s = 6.0"));
+    bench.file("short.toml", accuracy_scene().replace("duration_s = 60.0", "duration_s = 6.0"));
 }
 
 fn replayed(bench: &Workbench, arguments: &[&str]) -> ReplayReport {
@@ -61,7 +65,10 @@ fn a_scene_that_is_none_is_refused_with_those_there_are() {
     let bench = Workbench::new();
     let done = bench.run(&["replay", "sim:demos"]);
     assert_eq!(done.code, 2);
-    assert!(done.stderr.contains("demo, tumble, turntable-20dps"), "{}", done.stderr);
+    // Each by its name, with the beginning of what it is for.
+    for scene in ["demo                a box bus", "calibration-sphere  a sphere", "turntable-5dps      a box bus"] {
+        assert!(done.stderr.contains(scene), "{}", done.stderr);
+    }
     let done = bench.run(&["replay", "sim:demo", "sim:tumble"]);
     assert_eq!(done.code, 2);
     bench.file("wrong.toml", "name = \"x\"\ncolour = 1\n");
@@ -232,4 +239,60 @@ fn a_scene_is_the_same_on_any_number_of_threads() {
     short_scene(&bench);
     let on = |threads: &str| replayed(&bench, &["sim:short.toml", "--threads", threads]).checkpoint;
     assert_eq!(on("1"), on("3"));
+}
+
+#[test]
+fn a_target_may_be_a_surface_from_a_file_beside_the_scene() {
+    let bench = Workbench::new();
+    let scene =
+        accuracy_scene().replace("shape = \"box_bus\"", "mesh = \"parts/tetra.stl\"\nscale = 0.001\ncenter = true");
+    bench.file("scenes/own.toml", scene);
+    let corners = ["0 0 0", "800 0 0", "0 800 0", "0 0 800"];
+    let facet = |face: [usize; 3]| {
+        let vertices = face.map(|corner| format!("vertex {}\n", corners[corner])).concat();
+        format!("facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet\n")
+    };
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [1, 1, 2]].map(facet).concat();
+    bench.file("scenes/parts/tetra.stl", format!("solid tetra\n{faces}endsolid tetra\n"));
+    let done = bench.run(&["simulate", "scenes/own.toml", "-o", "out", "--duration", "300ms"]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    // The surface in the frame of truth.csv: metres, its middle at the origin; the triangle without area is left out.
+    let mesh = bench.read("out/mesh.ply");
+    assert!(mesh.contains("element vertex 4\n") && mesh.contains("element face 4\n"), "{mesh}");
+    assert!(mesh.contains("\n-0.4 -0.4 -0.4\n") && mesh.contains("\n0.4 -0.4 -0.4\n"), "{mesh}");
+    let report = replayed(&bench, &["out/capture.mcap"]);
+    for sensor in report.sensors.iter().take(2) {
+        assert!(sensor.points.decoded > 1_000, "{}: {:?}", sensor.id, sensor.points);
+    }
+    // A scene of a surface that is not there says which.
+    bench.file("scenes/own.toml", bench.read("scenes/own.toml").replace("tetra.stl", "no.stl"));
+    let done = bench.run(&["simulate", "scenes/own.toml", "-o", "out2"]);
+    assert!(done.code == 2 && done.stderr.contains("no.stl"), "{}", done.stderr);
+    // Without the scale it would be 800 m long: told with the remedy.
+    bench.file("scenes/own.toml", accuracy_scene().replace("shape = \"box_bus\"", "mesh = \"parts/tetra.stl\""));
+    let done = bench.run(&["simulate", "scenes/own.toml", "-o", "out3"]);
+    assert!(done.code == 2 && done.stderr.contains("scale = 0.001"), "{}", done.stderr);
+}
+
+#[test]
+fn a_scenes_own_faults_are_in_every_form_of_it() {
+    let bench = Workbench::new();
+    let fault = "\n[[fault]]\nsensor = \"near\"\nfrom_s = 2.0\nuntil_s = 4.0\naction = \"unplug\"\n";
+    bench.file("faulty.toml", accuracy_scene().replace("duration_s = 60.0", "duration_s = 6.0") + fault);
+    let direct = replayed(&bench, &["sim:faulty.toml"]);
+    // 180 frames in six seconds, 60 of them in the two without the Kinect.
+    let near = direct.sensors.first().expect("a Kinect");
+    assert!((118..=122).contains(&near.received), "{}", near.received);
+    let done = bench.run(&["simulate", "faulty.toml", "-o", "out"]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let written = replayed(&bench, &["out/capture.mcap"]);
+    assert_eq!(written.digest, direct.digest);
+    // What was done is told: 60 frames silenced, of 180.
+    let truth: serde_json::Value = serde_json::from_str(&bench.read("out/scene-faults.json")).expect("JSON");
+    let near = &truth["sensors"]["near"];
+    assert!(near["items"] == 180 && near["silenced"] == 60, "{truth}");
+    // A fault of a sensor that is not there would do nothing: refused.
+    bench.file("faulty.toml", accuracy_scene() + &fault.replace("near", "nobody"));
+    let done = bench.run(&["replay", "sim:faulty.toml"]);
+    assert!(done.code == 2 && done.stderr.contains("nobody"), "{}", done.stderr);
 }

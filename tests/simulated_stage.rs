@@ -54,9 +54,9 @@ fn the_serial_log_of_a_simulated_session_tells_the_angle_of_its_truth_to_a_count
         off_by.push(off);
     }
     off_by.sort_by(f64::total_cmp);
-    // What either way took beyond the least is 0.1 ms in the mean: half of the difference of two such is 0.05 ms in the mean
-    // and 0.035 ms in the median: 1.5 counts.
+    // A request goes at once. A reply waits for the adapter's next look, 1 ms apart, 0.5 ms in the mean, and takes 0.3 ms
+    // more on its way: the middle of the round trip is half of that, 0.4 ms or 17 counts, late.
     let (median, worst) = (off_by[off_by.len() / 2], off_by[off_by.len() - 1]);
     println!("{} samples; from the truth: {median:.2} counts in the median, {worst:.1} at most", off_by.len());
-    assert!(median < 3.0, "{median}");
+    assert!((10.0..25.0).contains(&median), "{median}");
 }

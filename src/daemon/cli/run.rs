@@ -53,7 +53,7 @@ pub struct Args {
     /// The rig's config; without it no hardware is read: the scene `demo` is simulated.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Simulate the sensors of a scene in real time: one of the program's (demo, tumble, turntable-20dps) or a file.
+    /// Simulate the sensors of a scene in real time: one of the program's (demo, tumble, turntable-5dps, …; a name that is none lists them) or a file.
     #[arg(long, value_name = "SCENE")]
     sim: Option<String>,
     /// Let things go wrong on purpose with a simulated scene.

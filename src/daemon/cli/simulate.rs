@@ -30,11 +30,11 @@ use crate::simulation::{SimulatedLedger, faults, rig, scenes};
     after_help = "Examples:\n  tumbled simulate demo -o demo/ --duration 10s\n  tumbled simulate my-scene.toml -o out/ --seed 7\n  \
     tumbled simulate demo -o rehearsal/ --duration 30s --faults lost-target\n\n\
     Writes capture.mcap, velodyne.pcap, kinect/ (a fakenect folder), serial.log (with a turntable), truth.csv, mesh.ply, \
-    rig.toml (what an operator would have), rig-true.toml, db.xml (an HDL-64E's calibration) and faults.json (with --faults: \
-    what was done). The same scene and seed give the same bytes."
+    rig.toml (what an operator would have), rig-true.toml, db.xml (an HDL-64E's calibration), faults.json (with --faults: \
+    what was done) and scene-faults.json (the same of the scene's own faults). The same scene and seed give the same bytes."
 )]
 pub struct Args {
-    /// A scene of the program's (demo, tumble, turntable-20dps) or a file.
+    /// A scene of the program's (demo, tumble, turntable-5dps, …; a name that is none lists them) or a file.
     #[arg(value_name = "SCENE")]
     scene: String,
     /// The folder to write; it is made if it is not there.
@@ -116,6 +116,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         files
             .file("faults.json", |file| serde_json::to_writer_pretty(file, truth).map_err(io::Error::from))
             .map_err(Failure::failed)?;
+    }
+    if let Some(truth) = events.source().faults() {
+        let fill = |file: &mut BufWriter<File>| serde_json::to_writer_pretty(file, truth).map_err(io::Error::from);
+        files.file("scene-faults.json", fill).map_err(Failure::failed)?;
     }
     let config = &events.source().scene().config;
     let report = SimulateReport {
@@ -284,7 +288,7 @@ fn truth(scene: &Scene, file: &mut impl Write) -> io::Result<()> {
 
 /// The target's surface, PLY.
 fn mesh(scene: &Scene, file: &mut impl Write) -> io::Result<()> {
-    let mesh = scene.config.target.shape.mesh();
+    let mesh = &scene.surface;
     writeln!(file, "ply\nformat ascii 1.0\nelement vertex {}", mesh.vertices.len())?;
     writeln!(file, "property double x\nproperty double y\nproperty double z")?;
     writeln!(file, "element face {}\nproperty list uchar int vertex_indices\nend_header", mesh.triangles.len())?;

@@ -1,18 +1,19 @@
-//! A simulated session as a ledger: what the sensors send, ticks and anchors.
+//! A simulated session as a ledger: what the sensors send, ticks and anchors, and the scene's own faults.
 
 use std::convert::Infallible;
 use std::sync::Arc;
 
 use tumbled_io::capture::Heartbeat;
 use tumbled_model::Event;
+use tumbled_sim::faults::{FaultInjector, FaultTruth};
 use tumbled_sim::scene::Scene;
 use tumbled_sim::session::{Item, Simulation};
 
-/// The ledger of a scene.
+/// The ledger of a scene, with the scene's own faults.
 #[derive(Debug)]
 pub struct SimulatedLedger {
     scene: Arc<Scene>,
-    events: Heartbeat<Sent>,
+    events: FaultInjector<Healthy>,
 }
 
 impl SimulatedLedger {
@@ -20,7 +21,8 @@ impl SimulatedLedger {
     pub fn new(scene: Scene, pool: Option<Arc<rayon::ThreadPool>>) -> Self {
         let scene = Arc::new(scene);
         let sent = Sent(Simulation::new(Arc::clone(&scene), pool));
-        let events = Heartbeat::new(sent, Some(scene.unix_at_zero()));
+        let healthy = Healthy(Heartbeat::new(sent, Some(scene.unix_at_zero())));
+        let events = FaultInjector::of_scene(healthy, &scene);
         Self { scene, events }
     }
 
@@ -28,13 +30,30 @@ impl SimulatedLedger {
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
+
+    /// What of the scene's own faults has been done so far; `None`: it has none.
+    pub fn faults(&self) -> Option<&FaultTruth> {
+        (!self.scene.config.fault.is_empty()).then(|| self.events.truth())
+    }
 }
 
 impl Iterator for SimulatedLedger {
     type Item = Event;
 
     fn next(&mut self) -> Option<Event> {
-        match self.events.next()? {
+        self.events.next()
+    }
+}
+
+/// The ledger of a scene before anything goes wrong.
+#[derive(Debug)]
+struct Healthy(Heartbeat<Sent>);
+
+impl Iterator for Healthy {
+    type Item = Event;
+
+    fn next(&mut self) -> Option<Event> {
+        match self.0.next()? {
             Ok(event) => Some(event),
             Err(never) => match never {},
         }

@@ -6,18 +6,38 @@ use std::time::Duration;
 
 use tumbled_model::UnixNs;
 use tumbled_sim::scene::{Scene, SceneConfig};
+use tumbled_sim::shape::Mesh;
 
+use super::meshes;
 use crate::cli::Failure;
 
 /// What an input that is a scene begins with: `sim:demo`.
 pub const SCHEME: &str = "sim:";
 
-/// The scenes that come with the program: name and text.
-const SCENES: [(&str, &str); 3] = [
+/// The scenes that come with the program: name and text, in the order of their names.
+const SCENES: [(&str, &str); 14] = [
+    ("calibration-board", include_str!("../../../config/scenes/calibration-board.toml")),
+    ("calibration-mockup", include_str!("../../../config/scenes/calibration-mockup.toml")),
+    ("calibration-sphere", include_str!("../../../config/scenes/calibration-sphere.toml")),
     ("demo", include_str!("../../../config/scenes/demo.toml")),
+    ("faults", include_str!("../../../config/scenes/faults.toml")),
+    ("intruder", include_str!("../../../config/scenes/intruder.toml")),
+    ("low-overlap", include_str!("../../../config/scenes/low-overlap.toml")),
+    ("orbit-drift", include_str!("../../../config/scenes/orbit-drift.toml")),
+    ("paper-rig", include_str!("../../../config/scenes/paper-rig.toml")),
+    ("paper-simulation", include_str!("../../../config/scenes/paper-simulation.toml")),
+    ("symmetric", include_str!("../../../config/scenes/symmetric.toml")),
     ("tumble", include_str!("../../../config/scenes/tumble.toml")),
     ("turntable-20dps", include_str!("../../../config/scenes/turntable-20dps.toml")),
+    ("turntable-5dps", include_str!("../../../config/scenes/turntable-5dps.toml")),
 ];
+
+/// The program's own scenes, a line each: name and what it is for.
+pub fn list() -> String {
+    let about = |text: &str| toml::from_str(text).map_or_else(|_| String::new(), |scene: SceneConfig| scene.about);
+    let lines: Vec<String> = SCENES.iter().map(|(name, text)| format!("  {name:<19} {}", about(text))).collect();
+    lines.join("\n")
+}
 
 /// The scene an input names; `None`: it is no scene.
 pub fn scene_of(input: &Path) -> Option<&str> {
@@ -40,7 +60,8 @@ pub fn load_with(name: &str, seed: Option<u64>, duration: Option<Duration>) -> R
     let mut config = read(name)?;
     config.seed = seed.unwrap_or(config.seed);
     config.duration_s = duration.map_or(config.duration_s, |duration| duration.as_secs_f64());
-    Scene::build(config).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
+    let brought = brought(name, &config)?;
+    Scene::build_with(config, brought).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
 }
 
 /// The same without an end, for a live session whose zero is this wall time.
@@ -49,7 +70,9 @@ pub fn load_with(name: &str, seed: Option<u64>, duration: Option<Duration>) -> R
 /// As [`load`].
 pub fn load_endless(name: &str, unix_at_zero: UnixNs) -> Result<Scene, Failure> {
     let failed = |error| Failure::input(format!("the scene {name}: {error}"));
-    Scene::endless(read(name)?, unix_at_zero).map_err(failed)
+    let config = read(name)?;
+    let brought = brought(name, &config)?;
+    Scene::endless(config, brought, unix_at_zero).map_err(failed)
 }
 
 fn read(name: &str) -> Result<SceneConfig, Failure> {
@@ -57,9 +80,8 @@ fn read(name: &str) -> Result<SceneConfig, Failure> {
     let text = match of_program {
         Some(text) => text,
         None => std::fs::read_to_string(name).map_err(|error| {
-            let known: Vec<&str> = SCENES.iter().map(|(name, _)| *name).collect();
             Failure::input(format!("there is no scene `{name}`, and no file of that name can be read: {error}"))
-                .with_help(format!("the program's own scenes are {}", known.join(", ")))
+                .with_help(format!("the program's own scenes are\n{}", list()))
         })?,
     };
     toml::from_str(&text).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
@@ -72,6 +94,33 @@ fn read(name: &str) -> Result<SceneConfig, Failure> {
 pub fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, Failure> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().map(Arc::new).map_err(Failure::failed)
 }
+
+/// The surface that the scene names; `None`: its target is one of the simulator's own.
+fn brought(name: &str, config: &SceneConfig) -> Result<Option<Mesh>, Failure> {
+    config.target.mesh.as_deref().map(|file| surface(Path::new(name), file)).transpose()
+}
+
+/// Reads the surface that a scene file names; a path that is not absolute begins in the scene file's folder.
+fn surface(scene: &Path, file: &str) -> Result<Mesh, Failure> {
+    let path = scene.parent().unwrap_or(Path::new("")).join(file);
+    let brought = meshes::read(&path).map_err(|error| {
+        Failure::input(error).with_help(format!("target.mesh of {} names the file", scene.display()))
+    })?;
+    let (triangles, without_area) = (brought.mesh.triangles.len(), brought.without_area);
+    tracing::info!(file = %path.display(), triangles, without_area, "the target's surface has been read");
+    Ok(brought.mesh)
+}
+
+#[cfg(test)]
+pub(super) const NAMES: [&str; SCENES.len()] = {
+    let mut names = [""; SCENES.len()];
+    let mut n = 0;
+    while n < SCENES.len() {
+        names[n] = SCENES[n].0;
+        n += 1;
+    }
+    names
+};
 
 #[cfg(test)]
 mod tests {

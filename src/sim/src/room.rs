@@ -1,6 +1,6 @@
 //! What stands around a target: floor and walls, what carries the target, a person who walks by.
 
-use crate::motion::{Motion, Still};
+use crate::motion::{Motion, Still, Superposed};
 use crate::shape::solid::{cuboid, cylinder, sphere};
 use crate::shape::{Material, Mesh};
 use crate::world::{Body, Role};
@@ -53,6 +53,15 @@ pub fn stage(top: Point3<f64>, plate_radius_m: f64, floor_z_m: f64) -> Body {
     let column = cylinder(plate_radius_m / 3.0, height, 24, Material::Matt);
     mesh.add(&column, &Isometry3::translation(0.0, 0.0, -PLATE_M / 2.0 - height));
     still(Role::Mount, mesh, top)
+}
+
+/// A round stand that carries a target and goes where it goes, upright. It ends at the target's origin, and below the
+/// floor of its room, where nobody sees it; `reach_m`: how far down it goes.
+pub fn stand(target: Arc<dyn Motion>, radius_m: f64, reach_m: f64) -> Body {
+    let mut mesh = Mesh::default();
+    mesh.add(&cylinder(radius_m, reach_m, 24, Material::Dark), &Isometry3::translation(0.0, 0.0, -reach_m));
+    let attitude = Arc::new(Still(Isometry3::identity()));
+    Body { role: Role::Mount, mesh: Arc::new(mesh), motion: Arc::new(Superposed { path: target, attitude }) }
 }
 
 /// A person of 1.75 m who moves as told: see [`crate::motion::path::Walk`].
@@ -125,6 +134,20 @@ mod tests {
         assert!((low.z + 0.7).abs() < 1e-12 && high.z.abs() < 1e-12 && (high.x - 0.3).abs() < 1e-12);
         let world = World::new(vec![post(Role::Room, Point3::new(0.0, 3.0, -1.2), 0.1, 2.0, Material::Matt)]);
         near(cast(&world, 0, [0.0, 3.0, 2.0], [0.0, 0.0, -1.0]), 1.2, Role::Room, Vector3::z());
+    }
+
+    #[test]
+    fn a_stand_goes_with_its_target_and_stays_upright() {
+        let turned = Isometry3::new(Vector3::new(2.0, 0.0, 0.5), Vector3::x() * 1.5);
+        let world = World::new(vec![stand(Arc::new(Still(turned)), 0.02, 3.0)]);
+        // The side toward the rig's origin, 0.1 m below the target's origin.
+        near(
+            cast(&world, 0, [0.0, 0.0, 0.4], [1.0, 0.0, 0.0]).map(|(r, who, n)| (r, who, n.map(f64::round))),
+            1.98,
+            Role::Mount,
+            -Vector3::x(),
+        );
+        assert_eq!(cast(&world, 0, [0.0, 0.0, 0.6], [1.0, 0.0, 0.0]), None);
     }
 
     #[test]

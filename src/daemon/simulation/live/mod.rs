@@ -47,7 +47,7 @@ const BETWEEN: usize = 8_192;
 pub struct SimulatedRig {
     /// The scene, without end.
     pub scene: Arc<Scene>,
-    /// What is to go wrong.
+    /// What is to go wrong: the scene's own faults, then those of the fault file.
     pub faults: Option<FaultScript>,
 }
 
@@ -82,7 +82,8 @@ impl SimulatedRig {
     /// Exit code 2: no such scene; a file that is none, or faults of sensors that the scene does not have.
     pub fn load(name: &str, script: Option<&std::path::Path>, unix_at_zero: UnixNs) -> Result<Self, Failure> {
         let scene = scenes::load_endless(name, unix_at_zero)?;
-        let faults = script.map(|path| faults::read_for(path, &sensors(&scene))).transpose()?;
+        let asked_for = script.map(|path| faults::read_for(path, &sensors(&scene))).transpose()?;
+        let faults = together(scene.faults(), asked_for);
         let steps_wall = |fault: &Fault| matches!(fault.action, Action::WallStep { .. });
         if faults.as_ref().is_some_and(|script| script.fault.iter().any(steps_wall)) {
             let why = "a live session's wall clock is this machine's; replay takes it";
@@ -164,6 +165,14 @@ impl RunningScene {
         }
         let faults = self.make.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         (self.shortfall.report(), faults)
+    }
+}
+
+/// A scene's own faults, and those asked for besides; `None`: there are none.
+fn together(own: FaultScript, asked_for: Option<FaultScript>) -> Option<FaultScript> {
+    match asked_for {
+        Some(asked_for) => Some(FaultScript { fault: [own.fault, asked_for.fault].concat(), ..asked_for }),
+        None => (!own.fault.is_empty()).then_some(own),
     }
 }
 

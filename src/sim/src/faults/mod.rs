@@ -26,6 +26,7 @@ mod script;
 pub use script::{Action, Fault, FaultError, FaultScript, Payload, Pulse};
 
 use crate::noise::Noise;
+use crate::scene::Scene;
 use schemars::JsonSchema;
 use script::ns;
 use serde::{Deserialize, Serialize};
@@ -127,7 +128,16 @@ impl<I: Iterator<Item = Event>> FaultInjector<I> {
     /// [`FaultError`]: a number in the script that means nothing.
     pub fn new(source: I, script: FaultScript) -> Result<Self, FaultError> {
         script.check()?;
-        Ok(Self {
+        Ok(Self::checked(source, script))
+    }
+
+    /// The source's events with a scene's own faults, which were checked when the scene was built.
+    pub fn of_scene(source: I, scene: &Scene) -> Self {
+        Self::checked(source, scene.faults())
+    }
+
+    fn checked(source: I, script: FaultScript) -> Self {
+        Self {
             source,
             script,
             upcoming: None,
@@ -139,7 +149,7 @@ impl<I: Iterator<Item = Event>> FaultInjector<I> {
             newest: RigNs(i64::MIN),
             seq: 0,
             truth: FaultTruth::default(),
-        })
+        }
     }
 
     /// Where the events come from.

@@ -1,6 +1,7 @@
 //! Where a body is at any instant, exactly.
 //!
 //! * [`Still`], [`path::Drifting`], [`path::Walk`]: rooms, floating things, people;
+//! * [`poses::Poses`]: from pose to pose with rests;
 //! * [`turntable::Turntable`]: a stage with a [`profile::Profile`];
 //! * [`tumble::Tumble`]: free of torque; [`orbit::ClohessyWiltshire`]: neighbouring orbits;
 //! * [`Superposed`]: the way of one with the attitude of another; [`repeated::Repeated`]: one that starts over.
@@ -8,6 +9,7 @@
 mod elliptic;
 pub mod orbit;
 pub mod path;
+pub mod poses;
 pub mod profile;
 pub mod repeated;
 pub mod tumble;

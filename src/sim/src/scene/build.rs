@@ -1,18 +1,22 @@
 //! From a scene's keys to bodies, sensors and lines.
 
 use super::config::{SceneConfig, SceneKinect, SceneLidar, SceneMotion, SceneProfile, Transform};
+use super::places;
 use super::stage;
 use crate::clock::SimClock;
+use crate::faults::{FaultError, FaultScript};
 use crate::kinect::{KinectModel, ModelError};
 use crate::lidar::{Head, LidarConfig, LidarError, LidarModel, made_calibration_of};
 use crate::motion::orbit::ClohessyWiltshire;
 use crate::motion::path::Walk;
+use crate::motion::poses::{Poses, Stop};
 use crate::motion::profile::Profile;
 use crate::motion::tumble::{Tumble, TumbleError};
 use crate::motion::turntable::Turntable;
 use crate::motion::{Motion, Still, Superposed};
 use crate::noise::Noise;
 use crate::room::{self, Room};
+use crate::shape::Mesh;
 use crate::transport::Transport;
 use crate::world::{Body, Role, World};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -48,6 +52,29 @@ pub enum SceneError {
         /// What it may be.
         expected: &'static str,
     },
+    /// Neither `shape` nor `mesh`, or both.
+    #[error("target: `shape` or `mesh` expected, one of the two")]
+    OneSurface,
+    /// A file's mesh that nobody has read.
+    #[error("target.mesh is {0:?}: the file has not been read")]
+    NoMesh(String),
+    /// Two sizes, or a unit where there is no file.
+    #[error("target.scale is for a `mesh` without `size_m`: leave one of them out")]
+    OneScale,
+    /// A target of a size that none has.
+    #[error(
+        "the target is {size_m} m long and reaches {far_m} m from its origin, expected 0.01 to 20 m and at most 40 m: \
+        give it scale = 0.001 if its file is in millimetres, or size_m; center = true if its origin lies far away"
+    )]
+    Size {
+        /// Its longest side.
+        size_m: f64,
+        /// Its farthest corner.
+        far_m: f64,
+    },
+    /// A fault with a number that means nothing.
+    #[error(transparent)]
+    Fault(#[from] FaultError),
     /// A tumble that cannot be.
     #[error("motion: {0}")]
     Tumble(#[from] TumbleError),
@@ -128,6 +155,8 @@ impl LidarUnit {
 pub struct Scene {
     /// The keys it was built from.
     pub config: SceneConfig,
+    /// The target's surface in its own frame.
+    pub surface: Arc<Mesh>,
     /// What there is to see.
     pub world: World,
     /// The LiDARs.
@@ -137,11 +166,19 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Builds a scene.
+    /// Builds a scene whose target is one of the simulator's own.
+    ///
+    /// # Errors
+    /// [`SceneError`]: keys that describe no scene, or one whose target is in a file.
+    pub fn build(config: SceneConfig) -> Result<Self, SceneError> {
+        Self::build_with(config, None)
+    }
+
+    /// Builds a scene; `brought`: the surface in the file that the scene names, in that file's unit.
     ///
     /// # Errors
     /// [`SceneError`]: keys that describe no scene.
-    pub fn build(config: SceneConfig) -> Result<Self, SceneError> {
+    pub fn build_with(config: SceneConfig, brought: Option<Mesh>) -> Result<Self, SceneError> {
         let in_range = config.duration_s.is_finite() && config.duration_s > 0.0 && config.duration_s <= 1e6;
         if !in_range {
             let expected = "more than 0 s, at most 1e6 s";
@@ -149,8 +186,21 @@ impl Scene {
         }
         let lidars = config.lidar.iter().map(|lidar| lidar_unit(lidar, &config)).collect::<Result<_, _>>()?;
         let kinects = config.kinect.iter().map(kinect_unit).collect::<Result<_, _>>()?;
-        let world = World::new(bodies(&config)?);
-        Ok(Self { config, world, lidars, kinects })
+        check_faults(&config)?;
+        check_experiment(&config)?;
+        let surface = Arc::new(config.target.surface(brought)?);
+        let world = World::new(bodies(&config, Arc::clone(&surface))?);
+        Ok(Self { config, surface, world, lidars, kinects })
+    }
+
+    /// The scene's own faults.
+    pub fn faults(&self) -> FaultScript {
+        script(&self.config)
+    }
+
+    /// The rests of a motion that has some: where the target is, from when until when.
+    pub fn rests(&self) -> Vec<Stop> {
+        stops(&self.config.motion).ok().flatten().map(|poses| poses.stops().to_vec()).unwrap_or_default()
     }
 
     /// How long it lasts.
@@ -167,7 +217,10 @@ impl Scene {
     pub fn stage(&self) -> Option<Turntable> {
         match &self.config.motion {
             SceneMotion::Turntable { axis, center_m, mount, profile } => turntable(axis, center_m, mount, profile).ok(),
-            SceneMotion::Tumble { .. } | SceneMotion::Still { .. } => None,
+            SceneMotion::Tumble { .. }
+            | SceneMotion::Still { .. }
+            | SceneMotion::Poses { .. }
+            | SceneMotion::Views(_) => None,
         }
     }
 
@@ -200,17 +253,56 @@ impl Scene {
     }
 }
 
-fn bodies(config: &SceneConfig) -> Result<Vec<Body>, SceneError> {
-    let mesh = Arc::new(config.target.shape.mesh());
-    let motion = match stage::faulty_motion(config)? {
+fn script(config: &SceneConfig) -> FaultScript {
+    FaultScript { seed: config.seed, fault: config.fault.clone() }
+}
+
+fn check_faults(config: &SceneConfig) -> Result<(), SceneError> {
+    script(config).check()?;
+    let sensors = || config.lidar.iter().map(|lidar| &lidar.id).chain(config.kinect.iter().map(|kinect| &kinect.id));
+    // The stage is on the line of a motion that has one, whatever its bytes are called there.
+    let known = |name: &String| name == STAGE || sensors().any(|id| id == name);
+    let named = config.fault.iter().zip(1..).filter_map(|(fault, number)| Some((fault.sensor.as_ref()?, number)));
+    for (name, number) in named {
+        if !known(name) {
+            let key = format!("fault {number}: sensor");
+            return Err(SceneError::Word { key, found: name.clone(), expected: "the id of a sensor of the scene" });
+        }
+    }
+    Ok(())
+}
+
+/// What a stage is called among the sensors.
+const STAGE: &str = "turntable";
+
+fn check_experiment(config: &SceneConfig) -> Result<(), SceneError> {
+    let Some(experiment) = &config.experiment else { return Ok(()) };
+    for (key, found) in [
+        ("experiment.crop_radius_m", experiment.crop_radius_m),
+        ("experiment.kinect_voxel_m", experiment.kinect_voxel_m),
+        ("experiment.lidar_voxel_m", experiment.lidar_voxel_m),
+    ] {
+        if !(found.is_finite() && found > 0.0) {
+            return Err(SceneError::Number { key, found, expected: "a finite number above 0" });
+        }
+    }
+    Ok(())
+}
+
+fn bodies(config: &SceneConfig, mesh: Arc<Mesh>) -> Result<Vec<Body>, SceneError> {
+    let target = match stage::faulty_motion(config)? {
         Some(motion) => motion,
         None => motion(&config.motion)?,
     };
-    let mut bodies = vec![Body { role: Role::Target, mesh, motion }];
+    let mut bodies = vec![Body { role: Role::Target, mesh, motion: Arc::clone(&target) }];
     if let Some(room) = config.room {
         bodies.push(Room { floor: Point3::from(room.floor_m), size_m: Vector3::from(room.size_m) }.body());
         if let (Some(radius), SceneMotion::Turntable { center_m, .. }) = (room.stage_radius_m, &config.motion) {
-            bodies.push(room::stage(Point3::from(*center_m), radius, room.floor_m[2]));
+            let top = Point3::from(*center_m) - Vector3::z() * room.stage_below_m;
+            bodies.push(room::stage(top, radius, room.floor_m[2]));
+        }
+        if let Some(radius) = room.stand_radius_m {
+            bodies.push(room::stand(target, radius, room.size_m[2]));
         }
     }
     if let Some(walk) = &config.intruder {
@@ -241,6 +333,7 @@ fn motion(config: &SceneMotion) -> Result<Arc<dyn Motion>, SceneError> {
             Arc::new(turntable(axis, center_m, mount, profile)?)
         }
         SceneMotion::Still { pose } => Arc::new(Still(pose.isometry())),
+        SceneMotion::Poses { .. } | SceneMotion::Views(_) => Arc::new(stops(config)?.unwrap_or_default()),
         SceneMotion::Tumble { inertia, rates_dps, start, mean_motion_rps, velocity_mps } => {
             let start = start.isometry();
             let rates = Vector3::from(*rates_dps).map(f64::to_radians);
@@ -255,6 +348,18 @@ fn motion(config: &SceneMotion) -> Result<Arc<dyn Motion>, SceneError> {
             Arc::new(Superposed { path: Arc::new(path), attitude: Arc::new(attitude) })
         }
     })
+}
+
+/// The poses of a motion that rests; `None`: it does not.
+fn stops(config: &SceneMotion) -> Result<Option<Poses>, SceneError> {
+    let upright = |rotation_xyzw| Transform { rotation_xyzw, ..Transform::default() }.isometry().rotation;
+    match config {
+        SceneMotion::Poses { upright_xyzw, rest_s, move_s, poses } => {
+            places::poses(upright(*upright_xyzw), poses, *rest_s, *move_s).map(Some)
+        }
+        SceneMotion::Views(views) => places::views(views, upright(views.upright_xyzw)).map(Some),
+        SceneMotion::Turntable { .. } | SceneMotion::Tumble { .. } | SceneMotion::Still { .. } => Ok(None),
+    }
 }
 
 fn profile_of(profile: &SceneProfile) -> Profile {

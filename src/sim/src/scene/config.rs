@@ -1,9 +1,11 @@
 //! The keys of a scene file.
 
+use super::places::{ScenePose, SceneViews, upright};
+use super::target::SceneTarget;
 use crate::clock::SimClock;
+use crate::faults::Fault;
 use crate::kinect::KinectParameters;
 use crate::lidar::{Gps, LidarParameters, View};
-use crate::target::TargetKind;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,14 +51,24 @@ pub struct SceneConfig {
     /// What an operator's calibration is off by.
     #[serde(default)]
     pub operator: OperatorErrors,
+    /// What goes wrong on the way to the host; the scene's seed decides every chance.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fault: Vec<Fault>,
+    /// What an experiment makes of the sensors' clouds; left out: nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub experiment: Option<SceneExperiment>,
 }
 
-/// What is measured.
+/// What an experiment makes of the sensors' clouds before it counts and registers points. The simulation does not use it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SceneTarget {
-    /// Which of the simulator's own.
-    pub shape: TargetKind,
+pub struct SceneExperiment {
+    /// Points within this distance of the target's place are kept, m.
+    pub crop_radius_m: f64,
+    /// The edge of the cubes, aligned with the rig's axes, in each of which the Kinect's points become their mean, m.
+    pub kinect_voxel_m: f64,
+    /// The same for a LiDAR's turn, m.
+    pub lidar_voxel_m: f64,
 }
 
 /// A rigid transform.
@@ -126,6 +138,21 @@ pub enum SceneMotion {
         #[serde(default)]
         velocity_mps: [f64; 3],
     },
+    /// It rests in poses, one after the other, and moves smoothly between.
+    Poses {
+        /// The attitude that the poses are turned against: a unit quaternion in the order x, y, z, w; left out: the rig's
+        /// axes.
+        #[serde(default = "upright")]
+        upright_xyzw: [f64; 4],
+        /// A rest, s.
+        rest_s: f64,
+        /// A move, s.
+        move_s: f64,
+        /// The poses; in the last one it stays.
+        poses: Vec<ScenePose>,
+    },
+    /// It rests in steps about several axes, at several places, and moves smoothly between.
+    Views(SceneViews),
     /// It does not move.
     Still {
         /// Its pose.
@@ -233,6 +260,12 @@ pub struct SceneRoom {
     /// A stage's plate under the target: its radius, m; left out: none.
     #[serde(default)]
     pub stage_radius_m: Option<f64>,
+    /// How far below the axis' point the plate is, m.
+    #[serde(default)]
+    pub stage_below_m: f64,
+    /// A round stand that goes where the target goes, from the floor to the target's origin: its radius, m; left out: none.
+    #[serde(default)]
+    pub stand_radius_m: Option<f64>,
 }
 
 /// A person's way.

@@ -4,6 +4,7 @@ use super::build::{Scene, SceneError};
 use super::config::{SceneConfig, SceneMotion};
 use crate::motion::Motion;
 use crate::motion::repeated::Repeated;
+use crate::shape::Mesh;
 use crate::world::{Body, Role, World};
 use std::sync::Arc;
 use tumbled_model::UnixNs;
@@ -15,15 +16,16 @@ impl Scene {
     /// A scene that goes on beyond its `duration_s`, on a host whose wall clock says `unix_at_zero` at its start.
     ///
     /// Stages turn on, and what stands still stays. What would leave (a tumbling target drifts, a person walks by) starts
-    /// over after each `duration_s`. The sensors never notice: their clocks and their noise go on.
+    /// over after each `duration_s`. The sensors never notice: their clocks and their noise go on. `brought`: as in
+    /// [`Scene::build_with`].
     ///
     /// # Errors
     /// As [`Scene::build`].
-    pub fn endless(config: SceneConfig, unix_at_zero: UnixNs) -> Result<Self, SceneError> {
+    pub fn endless(config: SceneConfig, brought: Option<Mesh>, unix_at_zero: UnixNs) -> Result<Self, SceneError> {
         // Says what is wrong with the duration that the file has.
-        let period = Self::build(config.clone())?.duration();
+        let period = Self::build_with(config.clone(), brought.clone())?.duration();
         let unix_ns_at_zero = unix_at_zero.0;
-        let scene = Self::build(SceneConfig { duration_s: Self::ENDLESS_S, unix_ns_at_zero, ..config })?;
+        let scene = Self::build_with(SceneConfig { duration_s: Self::ENDLESS_S, unix_ns_at_zero, ..config }, brought)?;
         let target_stays = matches!(scene.config.motion, SceneMotion::Turntable { .. } | SceneMotion::Still { .. });
         let bodies = scene.world.bodies().iter().map(|body| {
             let stays = match body.role {

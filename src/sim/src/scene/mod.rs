@@ -6,10 +6,14 @@
 mod build;
 mod config;
 mod endless;
+mod places;
 mod stage;
+mod target;
 
 pub use build::{KinectUnit, LidarUnit, Scene, SceneError};
 pub use config::{
-    OperatorErrors, SceneConfig, SceneKinect, SceneLidar, SceneMotion, SceneProfile, SceneRoom, SceneSlip, SceneStage,
-    SceneStall, SceneTarget, SceneWalk, Transform,
+    OperatorErrors, SceneConfig, SceneExperiment, SceneKinect, SceneLidar, SceneMotion, SceneProfile, SceneRoom,
+    SceneSlip, SceneStage, SceneStall, SceneWalk, Transform,
 };
+pub use places::{ScenePose, SceneViews};
+pub use target::SceneTarget;

@@ -23,8 +23,8 @@ pub(crate) fn volume(mesh: &Mesh) -> f64 {
 
 /// The lowest and the highest coordinates.
 pub(crate) fn extents(mesh: &Mesh) -> (Vector3<f64>, Vector3<f64>) {
-    let first = mesh.vertices[0].coords;
-    mesh.vertices.iter().fold((first, first), |(low, high), v| (low.inf(&v.coords), high.sup(&v.coords)))
+    let [low, high] = mesh.extents();
+    (low.coords, high.coords)
 }
 
 /// Every edge is run through once in each direction, every triangle has area, every vertex is used, and

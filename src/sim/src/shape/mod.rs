@@ -5,10 +5,11 @@ pub(crate) mod measure;
 pub mod solid;
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a surface is made of, as the sensors see it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Material {
     /// Light and diffuse: returns at every incidence.
@@ -53,6 +54,23 @@ impl Mesh {
     pub fn corners(&self, triangle: &Triangle) -> Option<[Point3<f64>; 3]> {
         let [a, b, c] = triangle.corners.map(|corner| self.vertices.get(corner as usize).copied());
         Some([a?, b?, c?])
+    }
+
+    /// The lowest and the highest coordinates, m; of no vertex: both the origin.
+    pub fn extents(&self) -> [Point3<f64>; 2] {
+        let first = self.vertices.first().copied().unwrap_or_else(Point3::origin);
+        self.vertices.iter().fold([first, first], |[low, high], vertex| [low.inf(vertex), high.sup(vertex)])
+    }
+
+    /// Its longest extent along x, y or z, m.
+    pub fn size_m(&self) -> f64 {
+        let [low, high] = self.extents();
+        (high - low).amax()
+    }
+
+    /// Every coordinate multiplied, so that the origin stays in its place.
+    pub fn scale(&mut self, factor: f64) {
+        self.vertices.iter_mut().for_each(|vertex| *vertex *= factor);
     }
 
     /// A sphere about the body's origin that holds it: its radius, m.

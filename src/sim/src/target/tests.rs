@@ -16,7 +16,7 @@ fn every_part_of_every_target_is_closed_and_turned_outward() {
 /// By hand from the parts: where each axis ends.
 #[test]
 fn targets_have_their_size() {
-    // A panel 0.32 × 0.015 turned 12° about y reaches 0.16 cos 12° + 0.0075 sin 12° along x: less than the box.
+    // A panel 0.32 × 0.015 turned 72° about y reaches 0.16 sin 72° + 0.0075 cos 72° along z: less than the box.
     let box_bus = ([-0.23, -0.57, -0.335], [0.305, 0.67, 0.475]);
     let hex_bus = ([-0.300_222, -0.26, -0.36], [0.300_222, 0.82, 0.5]);
     let expected = [
