@@ -4,6 +4,7 @@ use std::sync::Arc;
 use tumbled_model::{Body, RigNs, SensorId, UnixNs};
 use tumbled_sim::scene::{Scene, SceneConfig};
 use tumbled_sim::session::{Item, Simulation};
+use tumbled_sim::world::Role;
 
 fn config(motion: &str) -> SceneConfig {
     toml::from_str(&format!(
@@ -71,4 +72,22 @@ fn an_endless_scene_turns_on_and_starts_over_where_the_target_would_leave() {
     // 101 s = 126 · 0.8 s + 0.2 s, at 0.1 m/s.
     let drifted = at(DRIFTING, 101.0).translation.vector.y;
     assert!((drifted - 0.02).abs() < 1e-6, "{drifted}");
+}
+
+#[test]
+fn a_stand_goes_with_its_target_when_the_scene_starts_over() {
+    // The sphere rests 0.5 s at y = 0, moves for 0.2 s, and stays at y = 1: its 0.8 s are over long before 101 s.
+    let text = r#"{ kind = "poses", rest_s = 0.5, move_s = 0.2, poses = [{ at_m = [2, 0, 0] }, { at_m = [2, 1, 0] }] }
+        [room]
+        floor_m = [2.0, 0.0, -1.2]
+        size_m = [6.0, 5.0, 2.8]
+        stand_radius_m = 0.02"#;
+    let scene = Scene::endless(config(text), None, UnixNs(0)).expect("a scene");
+    // 101 s = 126 * 0.8 s + 0.2 s: in the first rest again.
+    let t = RigNs(101_000_000_000);
+    let at = |role: Role| {
+        let body = scene.world.bodies().iter().find(|body| body.role == role).expect("a body");
+        body.motion.state(t).t_rig_body.translation.vector.y
+    };
+    assert_eq!((at(Role::Target), at(Role::Mount)), (0.0, 0.0));
 }

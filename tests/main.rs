@@ -27,6 +27,7 @@ mod replay_killed;
 mod rig_files;
 mod run_cli;
 mod run_simulated;
+mod scene_limits;
 mod schemas;
 mod simulated;
 mod simulated_stage;

@@ -88,7 +88,7 @@ pub fn toml(scene: &Scene, view: View) -> String {
         text.push_str("kinect = []\n");
     }
     let mut line = |arguments: core::fmt::Arguments<'_>| text.write_fmt(arguments).unwrap_or_default();
-    line(format_args!("\n[rig]\nname = \"{}\"\n", config.name));
+    line(format_args!("\n[rig]\nname = {}\n", toml::Value::from(config.name.as_str())));
     let [x, y, z] = config.roi_center_m;
     line(format_args!("\n[target]\nroi_center_m = [{x:?}, {y:?}, {z:?}]\nroi_radius_m = {:?}\n", config.roi_radius_m));
     for (n, (lidar, unit)) in config.lidar.iter().zip(&scene.lidars).enumerate() {
@@ -117,4 +117,19 @@ pub fn toml(scene: &Scene, view: View) -> String {
 fn transform(transform: &Transform) -> String {
     let Transform { translation_m, rotation_xyzw } = transform;
     format!("{{ translation_m = {translation_m:?}, rotation_xyzw = {rotation_xyzw:?} }}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulation::scenes;
+
+    #[test]
+    fn a_scene_may_have_any_name() {
+        let mut config = scenes::load("demo").expect("a scene").config;
+        config.name = r#"the "2nd" bus, C:\bus"#.to_owned();
+        let scene = Scene::build(config).expect("a scene");
+        let loaded = operators(&scene, Path::new("rig.toml"), &[]).expect("a config");
+        assert_eq!(loaded.config.name, scene.config.name);
+    }
 }

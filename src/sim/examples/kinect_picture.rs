@@ -1,4 +1,4 @@
-//! The pictures of `docs/simulation.md`, the Kinect's part: `cargo run -p tumbled-sim --example kinect_picture -- docs`.
+//! The pictures of `docs/simulation.md`, the Kinect's part: `cargo run -p tumbled-sim --example kinect_picture -- docs/simulation`.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::error::Error;
@@ -13,7 +13,8 @@ use tumbled_sim::shape::{Material, Mesh, Triangle};
 use tumbled_sim::world::{Body, Role, World};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let folder = PathBuf::from(std::env::args().nth(1).ok_or("name the folder for the pictures, e.g. docs")?);
+    let folder =
+        PathBuf::from(std::env::args().nth(1).ok_or("name the folder for the pictures, e.g. docs/simulation")?);
     whole_frame(&folder)?;
     edge(&folder)?;
     materials(&folder)?;
@@ -111,7 +112,7 @@ fn materials(folder: &Path) -> Result<(), Box<dyn Error>> {
             let turned = facing * UnitQuaternion::new(Vector3::x() * deg.to_radians());
             let at = Isometry3::from_parts(Translation3::from(place), turned);
             let mesh = Arc::new(cuboid([0.24, 0.4, 0.001], material));
-            bodies.push(Body { role: Role::Fixture, mesh, motion: Arc::new(Still(at)) });
+            bodies.push(Body { role: Role::Target, mesh, motion: Arc::new(Still(at)) });
         }
     }
     let frame = frame(KinectParameters::default(), &World::new(bodies), 0)?;

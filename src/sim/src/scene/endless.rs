@@ -1,7 +1,8 @@
 //! A scene as a live session plays it: it has no end.
 
-use super::build::{Scene, SceneError};
+use super::build::Scene;
 use super::config::{SceneConfig, SceneMotion};
+use super::error::SceneError;
 use crate::motion::Motion;
 use crate::motion::repeated::Repeated;
 use crate::shape::Mesh;
@@ -29,9 +30,10 @@ impl Scene {
         let target_stays = matches!(scene.config.motion, SceneMotion::Turntable { .. } | SceneMotion::Still { .. });
         let bodies = scene.world.bodies().iter().map(|body| {
             let stays = match body.role {
-                Role::Target => target_stays,
+                // A stand goes where its target goes.
+                Role::Target | Role::Mount => target_stays,
                 Role::Intruder => false,
-                Role::Mount | Role::Room | Role::Fixture => true,
+                Role::Room => true,
             };
             if stays {
                 return body.clone();

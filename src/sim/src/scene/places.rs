@@ -1,6 +1,6 @@
 //! Motions from pose to pose, as a scene lists them.
 
-use super::build::SceneError;
+use super::error::SceneError;
 use crate::motion::poses::Poses;
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use schemars::JsonSchema;

@@ -1,7 +1,9 @@
 //! The turntable of a scene: what it does, what its line says.
 
-use super::build::{Scene, SceneError, span, turntable};
+use super::bodies::{span, turntable};
+use super::build::Scene;
 use super::config::{SceneConfig, SceneMotion, SceneStage};
+use super::error::SceneError;
 use crate::motion::Motion;
 use crate::motion::turntable::{FaultyTurntable, Turntable};
 use crate::turntable::{

@@ -1,6 +1,6 @@
 //! What is measured: one of the simulator's own shapes, or a surface that somebody brings.
 
-use super::build::SceneError;
+use super::error::SceneError;
 use crate::shape::{Material, Mesh};
 use crate::target::TargetKind;
 use schemars::JsonSchema;

@@ -16,7 +16,7 @@ use tumbled_model::RigNs;
 /// What a body is, for masks and truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
-    /// The target.
+    /// The target; in a calibration scene the board or the sphere.
     Target,
     /// What it stands on or hangs from: turns with the stage or not, and is no part of the target.
     Mount,
@@ -24,8 +24,6 @@ pub enum Role {
     Room,
     /// A person or another thing that should not be there.
     Intruder,
-    /// A calibration board or sphere.
-    Fixture,
 }
 
 /// A body.
