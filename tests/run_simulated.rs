@@ -11,8 +11,9 @@ use tumbled::cli::verify::{Verdict, VerifyReport};
 use tumbled::stream::StreamOrigin;
 use tumbled_core::ClockState;
 
-use crate::support::Workbench;
+use crate::rig_files::header;
 use crate::support::daemon::{Daemon, Ended};
+use crate::support::{Workbench, repository};
 
 /// Served on free ports, so that the tests may run beside each other.
 const FREE_PORTS: [&str; 6] = ["--set", "stream.tcp=127.0.0.1:0", "--set", "stream.unix=", "--set", "stream.foxglove="];
@@ -125,6 +126,30 @@ fn faults_are_seen_by_clients_while_they_last_and_told_at_the_end() {
     assert!((100..=200).contains(&truth["front"].lost), "{truth:?}");
     let front = report.sensors.iter().find(|sensor| &*sensor.id == "front").expect("the LiDAR");
     assert!(front.lost.total >= truth["front"].lost, "{} of {truth:?}", front.lost.total);
+}
+
+#[test]
+fn a_scenes_own_faults_and_those_of_a_file_are_done_and_told_each_for_itself() {
+    let bench = Workbench::new();
+    let demo = std::fs::read_to_string(repository().join("config/scenes/demo.toml")).expect("the scene");
+    let own = "[[fault]]\nsensor = \"front\"\naction.loss.probability = 0.05\n\n[[lidar]]";
+    bench.file("lossy.toml", demo.replace("[[lidar]]", own));
+    bench.file("faults.toml", "seed = 7\n[[fault]]\nsensor = \"near\"\nfrom_s = 1.0\naction = \"unplug\"\n");
+    let arguments = ["run", "--sim", "lossy.toml", "--faults", "faults.toml", "--duration", "2s", "--json"];
+    let recording = ["--record", "run.mcap", "--min-free", "0"];
+    let done = bench.run(&[&arguments[..], &recording, &FREE_PORTS].concat());
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let report: RunReport = done.json();
+    let own = report.simulation.and_then(|simulation| simulation.faults).expect("the scene's").sensors;
+    let asked_for = report.faults.expect("the file's").sensors;
+    assert!(own["front"].lost > 50 && own["near"].silenced == 0, "{own:?}");
+    assert!(asked_for["front"].lost == 0 && asked_for["near"].silenced > 10, "{asked_for:?}");
+    // What the scene's own faults let through comes to those of the file.
+    assert_eq!(own["front"].items - own["front"].lost, asked_for["front"].items);
+    // The recording says for ever what was done besides.
+    let header = header(&bench, "run.mcap");
+    assert!(header.session.contains("-faults-") && header.session == report.session, "{}", header.session);
+    assert!(header.notes["faults"].contains("unplug"), "{:?}", header.notes);
 }
 
 #[test]

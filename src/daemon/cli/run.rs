@@ -12,7 +12,7 @@ use tumbled_core::SensorHealth;
 use tumbled_io::live::SessionClock;
 use tumbled_io::recording::Origin;
 use tumbled_model::Body;
-use tumbled_sim::faults::{FaultCounts, FaultTruth};
+use tumbled_sim::faults::FaultTruth;
 use tumbled_sim::scene::Scene;
 
 use super::record::RecorderArgs;
@@ -26,10 +26,10 @@ use crate::session::reload::{self, Change};
 use crate::session::serve::{About, Server};
 use crate::session::sources::SourcesEnd;
 use crate::session::{Checkpoint, Engine, LiveSession, Rig, SessionEnd, SourceReport, engine, setup};
-use crate::simulation::SCHEME;
 use crate::simulation::live::SimulatedRig;
 use crate::simulation::live::shortfall::ShortfallReport;
 use crate::simulation::rig::operators;
+use crate::simulation::{SCHEME, faults};
 use crate::stream::StreamOrigin;
 
 /// What is simulated when nothing is asked for.
@@ -108,7 +108,7 @@ pub struct RunReport {
     pub recording_stopped: Option<String>,
     /// The scene that was simulated; null: nothing was.
     pub simulation: Option<SimulationReport>,
-    /// What --faults did, by sensor; null: nothing.
+    /// What --faults did, by sensor; null: nothing was asked for.
     pub faults: Option<FaultTruth>,
     /// Nothing was lost on this machine, and everything was recorded that was to be.
     pub complete: bool,
@@ -124,6 +124,8 @@ pub struct SimulationReport {
     pub seed: u64,
     /// What was left out because this machine was too slow: the sensors never sent it.
     pub left_out: ShortfallReport,
+    /// What the scene's own faults did, by sensor; null: it has none.
+    pub faults: Option<FaultTruth>,
 }
 
 /// Runs.
@@ -153,7 +155,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         return Err(Failure::input("the config has no sensor: there is nothing to measure with")
             .with_help("add a [[lidar]] to the config"));
     }
-    let header = live::header(unix_at_zero, recorded_as, &loaded);
+    let mut header = live::header(unix_at_zero, recorded_as, &loaded);
+    if let Some(script) = simulated.as_ref().and_then(|rig| rig.faults.as_ref()) {
+        faults::mark(script, &mut header);
+    }
     let about = About { session: &header.session, origin, unix_at_zero };
     tracing::info!(session = %header.session, origin = origin.name(), rig = %loaded.config.name, "starting");
     let core_config = setup::core_config(&loaded.config)?;
@@ -231,7 +236,7 @@ fn tell_simulated(args: &Args, rig: &SimulatedRig) {
          `tumbled config init rig.toml` writes one to begin with",
         config.about
     );
-    if rig.faults.is_some() {
+    if rig.has_faults() {
         tracing::warn!("faults are done to the simulated data on purpose");
     }
 }
@@ -322,6 +327,7 @@ fn report(about: &About<'_>, scene: Option<&Scene>, end: SessionEnd) -> Result<R
         scene: scene.config.name.clone(),
         seed: scene.config.seed,
         left_out,
+        faults: faults.of_scene,
     });
     Ok(RunReport {
         session: about.session.to_owned(),
@@ -334,17 +340,10 @@ fn report(about: &About<'_>, scene: Option<&Scene>, end: SessionEnd) -> Result<R
         complete: lost_here + not_recorded + end.undelivered == 0 && recording.stopped.is_none() && !failed,
         sources,
         simulation,
-        faults,
+        faults: faults.asked_for,
         recording: recording.parts,
         recording_stopped: recording.stopped.map(|reason| reason.to_string()),
     })
-}
-
-/// What was done to a sensor's items, in a line.
-fn done_to(counts: &FaultCounts) -> String {
-    let counts = serde_json::to_value(counts).unwrap_or_default();
-    let done = counts.as_object().into_iter().flatten().filter(|(_, n)| n.as_u64() != Some(0));
-    done.map(|(what, n)| format!("{n} {}", what.replace('_', " "))).collect::<Vec<_>>().join(", ")
 }
 
 fn text(report: &RunReport) -> String {
@@ -364,8 +363,12 @@ fn text(report: &RunReport) -> String {
         let SensorHealth { id, received, lost, points, .. } = sensor;
         text.push_str(&format!("  {id}: {received} received, {} lost, {} points\n", lost.total, points.in_epochs));
     }
-    for (sensor, counts) in report.faults.iter().flat_map(|faults| &faults.sensors) {
-        text.push_str(&format!("  faults of {sensor}: {}\n", done_to(counts)));
+    let of_scene = report.simulation.iter().filter_map(|simulation| simulation.faults.as_ref());
+    for line in of_scene.flat_map(faults::lines) {
+        text.push_str(&format!("  the scene's own faults at {line}\n"));
+    }
+    for line in report.faults.iter().flat_map(faults::lines) {
+        text.push_str(&format!("  faults at {line}\n"));
     }
     for source in &report.sources {
         if let Some(error) = &source.error {

@@ -14,13 +14,12 @@ use tumbled_io::live::{
     StopToken, Supervised, UdpConfig, UdpInfo, UdpOpener, supervise,
 };
 use tumbled_model::SensorId;
-use tumbled_sim::faults::FaultTruth;
 
 use super::setup::TURNTABLE;
 use crate::cli::Failure;
 use crate::config::{Config, LidarConfig};
 use crate::simulation::live::shortfall::ShortfallReport;
-use crate::simulation::live::{RunningScene, SimulatedRig, Way};
+use crate::simulation::live::{DoneFaults, RunningScene, SimulatedRig, Way};
 
 /// Where a session's data come from.
 #[derive(Clone, Debug)]
@@ -52,8 +51,8 @@ pub struct SourcesEnd {
     pub sources: Vec<SourceReport>,
     /// What a scene left out; `None`: nothing was simulated.
     pub shortfall: Option<ShortfallReport>,
-    /// What was done on purpose; `None`: nothing.
-    pub faults: Option<FaultTruth>,
+    /// What was done on purpose.
+    pub faults: DoneFaults,
 }
 
 /// A source that is open and not running yet.
@@ -167,7 +166,7 @@ impl RunningSources {
     pub fn join(self) -> SourcesEnd {
         let (shortfall, faults) = self.scene.map(RunningScene::join).unzip();
         let sources = self.sources.into_iter().map(RunningSource::join).collect();
-        SourcesEnd { sources, shortfall, faults: faults.flatten() }
+        SourcesEnd { sources, shortfall, faults: faults.unwrap_or_default() }
     }
 }
 

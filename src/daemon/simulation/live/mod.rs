@@ -47,8 +47,17 @@ const BETWEEN: usize = 8_192;
 pub struct SimulatedRig {
     /// The scene, without end.
     pub scene: Arc<Scene>,
-    /// What is to go wrong: the scene's own faults, then those of the fault file.
+    /// What is to go wrong besides the scene's own faults; `None`: no fault file was given.
     pub faults: Option<FaultScript>,
+}
+
+/// What was done on purpose.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DoneFaults {
+    /// By the scene's own faults; `None`: it has none.
+    pub of_scene: Option<FaultTruth>,
+    /// By those of the fault file; `None`: none was given.
+    pub asked_for: Option<FaultTruth>,
 }
 
 /// How a sensor's items come into the session.
@@ -68,7 +77,7 @@ pub enum Way {
 /// Simulated sensors that run.
 #[derive(Debug)]
 pub struct RunningScene {
-    make: JoinHandle<Option<FaultTruth>>,
+    make: JoinHandle<DoneFaults>,
     send: JoinHandle<()>,
     stage: Option<EmulatedStage>,
     name: String,
@@ -82,14 +91,19 @@ impl SimulatedRig {
     /// Exit code 2: no such scene; a file that is none, or faults of sensors that the scene does not have.
     pub fn load(name: &str, script: Option<&std::path::Path>, unix_at_zero: UnixNs) -> Result<Self, Failure> {
         let scene = scenes::load_endless(name, unix_at_zero)?;
-        let asked_for = script.map(|path| faults::read_for(path, &sensors(&scene))).transpose()?;
-        let faults = together(scene.faults(), asked_for);
+        let faults = script.map(|path| faults::read_for(path, &sensors(&scene))).transpose()?;
         let steps_wall = |fault: &Fault| matches!(fault.action, Action::WallStep { .. });
-        if faults.as_ref().is_some_and(|script| script.fault.iter().any(steps_wall)) {
+        let asked_for = faults.iter().flat_map(|script| &script.fault);
+        if scene.config.fault.iter().chain(asked_for).any(steps_wall) {
             let why = "a live session's wall clock is this machine's; replay takes it";
             tracing::warn!("wall_step does nothing here: {why}");
         }
         Ok(Self { scene: Arc::new(scene), faults })
+    }
+
+    /// Whether anything is to go wrong.
+    pub fn has_faults(&self) -> bool {
+        self.faults.is_some() || !self.scene.config.fault.is_empty()
     }
 
     /// Lets the sensors send until the stop. A sensor without a way is not in the rig, and is not simulated.
@@ -112,18 +126,23 @@ impl SimulatedRig {
         let mut scene = Scene::clone(&self.scene);
         scene.lidars.retain(|lidar| sender.ways.contains_key(&lidar.id));
         scene.kinects.retain(|kinect| sender.ways.contains_key(&kinect.id));
-        let simulation = Simulation::new(Arc::new(scene), pool()?);
+        let scene = Arc::new(scene);
+        let simulation = Simulation::new(Arc::clone(&scene), pool()?);
         let ahead = Ahead::new(simulation, clock.clone(), stop.clone(), Arc::clone(&shortfall));
-        let mut injector =
-            FaultInjector::new(ahead, self.faults.clone().unwrap_or_default()).map_err(Failure::input)?;
-        let faulty = self.faults.is_some();
+        // One after the other, each with its own seed: a fault file changes nothing of what the scene's own faults do.
+        let own = FaultInjector::of_scene(ahead, &scene);
+        let (has_own, is_asked) = (!scene.config.fault.is_empty(), self.faults.is_some());
+        let mut injector = FaultInjector::new(own, self.faults.unwrap_or_default()).map_err(Failure::input)?;
         let make = thread("sim", move || {
             for event in injector.by_ref() {
                 if items.send(event).is_err() {
                     break;
                 }
             }
-            faulty.then(|| injector.truth().clone())
+            DoneFaults {
+                of_scene: has_own.then(|| injector.source().truth().clone()),
+                asked_for: is_asked.then(|| injector.truth().clone()),
+            }
         })?;
         let send = thread("sim-send", move || sender.run(due))?;
         Ok(RunningScene { make, send, stage, name, shortfall })
@@ -157,22 +176,14 @@ impl RunningScene {
         &self.name
     }
 
-    /// Waits for the end: tell it to stop first. What was left out, and what the faults did (`None` without faults).
-    pub fn join(self) -> (ShortfallReport, Option<FaultTruth>) {
+    /// Waits for the end: tell it to stop first. What was left out, and what the faults did.
+    pub fn join(self) -> (ShortfallReport, DoneFaults) {
         self.send.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         if let Some(stage) = self.stage {
             stage.join();
         }
         let faults = self.make.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         (self.shortfall.report(), faults)
-    }
-}
-
-/// A scene's own faults, and those asked for besides; `None`: there are none.
-fn together(own: FaultScript, asked_for: Option<FaultScript>) -> Option<FaultScript> {
-    match asked_for {
-        Some(asked_for) => Some(FaultScript { fault: [own.fault, asked_for.fault].concat(), ..asked_for }),
-        None => (!own.fault.is_empty()).then_some(own),
     }
 }
 
