@@ -11,8 +11,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_io::foreign::{FakenectFolder, PcapFile};
-use tumbled_io::recording::{Recorder, RecordingHeader};
-use tumbled_kinect::{RawImage, decode_raw};
+use tumbled_io::recording::{FileSystem, Recorder, RecordingHeader, Storage};
+use tumbled_kinect::{PIXELS, RawImage, decode_raw};
 use tumbled_model::{Body, Event, RigNs, SensorId, Span, UnixNs};
 use tumbled_serial::log::{LogEntry, Side};
 use tumbled_serial::zaber::is_request;
@@ -90,6 +90,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let script = args.faults.faults.as_ref();
     let script = script.map(|path| faults::read_for(path, &faults::sensors(&loaded.config))).transpose()?;
     prepare(&args.output, args.force)?;
+    let free = FileSystem.free_bytes(&args.output.join("capture.mcap"));
+    fits(&scene, free.map_err(Failure::failed)?)?;
     let pool = scenes::pool(args.threads)?;
     // Of the recording: nothing of this machine, and nothing of this instant, is in it; the program without its commit.
     let program = VERSION.split(' ').next().unwrap_or_default();
@@ -152,6 +154,24 @@ fn prepare(folder: &Path, force: bool) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::input(format!("{} is not empty", folder.display())).with_help("give -o another folder, or --force"))
+}
+
+/// Refuses what cannot be written: nobody wants a full disk after an hour. Counted is what is stored as it is, and not the
+/// recording, which is compressed: frames of 16 bits and LiDAR packets with what a capture puts around them.
+fn fits(scene: &Scene, free: u64) -> Result<(), Failure> {
+    const FRAMES_HZ: f64 = 30.0;
+    const CAPTURED: f64 = (16 + 42 + 1206) as f64;
+    let frames = scene.kinects.len() as f64 * FRAMES_HZ * (2 * PIXELS) as f64;
+    let packets: f64 = scene.lidars.iter().map(|lidar| CAPTURED / lidar.model.packet_span().as_secs_f64()).sum();
+    let needed = (frames + packets) * scene.duration().as_secs_f64();
+    if needed <= free as f64 {
+        return Ok(());
+    }
+    let (config, gigabytes) = (&scene.config, |bytes: f64| format!("{:.1} GB", bytes / 1e9));
+    let (needed, free) = (gigabytes(needed), gigabytes(free as f64));
+    let message = format!("{} s of {} take more than {needed}, and {free} are free", config.duration_s, config.name);
+    Err(Failure::input(message)
+        .with_help("simulate less of it, e.g. --duration 10s, or give -o a folder on another disk"))
 }
 
 fn progress(duration: Span) -> ProgressBar {
@@ -319,4 +339,20 @@ fn text(report: &SimulateReport, folder: &Path) -> String {
     }
     let files: Vec<String> = report.files.iter().map(|file| file.display().to_string()).collect();
     text + &format!("  {}\n", files.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_disk_cannot_hold_is_refused_before_it_is_full() {
+        let scene = scenes::load("demo").expect("a scene");
+        // 120 s: 30 frames a second of 640 x 480 x 2 bytes, and a packet of 1264 bytes every 663.552 us: 18.4 and 1.9 MB/s,
+        // 2.44 GB. A percent to either side, since a packet is over a little before the next begins.
+        let needed = 120.0 * (30.0 * 614_400.0 + 1_264.0 / 663.552e-6);
+        assert!(fits(&scene, (1.01 * needed) as u64).is_ok());
+        let refused = fits(&scene, (0.99 * needed) as u64).expect_err("refused").to_string();
+        assert!(refused.contains("120 s of demo take more than 2.4 GB"), "{refused}");
+    }
 }
