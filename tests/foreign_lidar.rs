@@ -89,7 +89,7 @@ id = "front"
 model = "{model}"
 returns = "{returns}"
 rpm = 600
-t_rig_lidar = {{ translation_m = [0.1, -0.2, 0.05], rotation_xyzw = [0.01, -0.02, 0.15, 0.988] }}
+t_rig_lidar = {{ translation_m = [0.1, -0.2, 0.05], rotation_xyzw = [0.010004283, -0.020008566, 0.150064242, 0.988423132] }}
 clock = {{ offset_ns = {OFFSET_NS}, skew_ppm = 12.0 }}
 parameters = {{ beam_bias_sigma_m = 0.0, footprint_mrad = {footprint_mrad:?} }}
 "#
