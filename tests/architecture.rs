@@ -24,6 +24,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("tumbled-freenect", &["freenect-sys", "tumbled-model"]),
     ("freenect-sys", &[]),
+    ("fake-libusb", &["fake-libusb-control"]),
+    ("fake-libusb-control", &[]),
 ];
 
 /// What a crate's tests may import besides: the solvers are tried on encoded measurements, the simulated clocks with the
