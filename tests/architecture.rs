@@ -29,9 +29,14 @@ const ARROWS: &[(&str, &[&str])] = &[
 ];
 
 /// What a crate's tests may import besides: the solvers are tried on encoded measurements, the simulated clocks with the
-/// mapper that has to follow them.
-const TEST_ARROWS: &[(&str, &[&str])] =
-    &[("tumbled-calib", &["tumbled-velodyne", "tumbled-kinect"]), ("tumbled-sim", &["tumbled-core"])];
+/// mapper that has to follow them; the Kinect's driver with the stand-in for libusb.
+const TEST_ARROWS: &[(&str, &[&str])] = &[
+    ("tumbled-calib", &["tumbled-velodyne", "tumbled-kinect"]),
+    ("tumbled-sim", &["tumbled-core"]),
+    ("fake-libusb", &["tumbled-kinect", "tumbled-model"]),
+    ("tumbled-freenect", &["fake-libusb-control"]),
+    ("tumbled-io", &["fake-libusb-control"]),
+];
 
 /// Crates without clock, file, socket, thread or `unsafe`.
 const PURE: &[&str] = &[

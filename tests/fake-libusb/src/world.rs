@@ -50,6 +50,8 @@ pub(crate) struct Context {
 /// A device as it was listed.
 #[derive(Debug)]
 pub(crate) struct Listed {
+    /// The context that listed it, and handles its events.
+    pub(crate) context: usize,
     pub(crate) kinect: usize,
     pub(crate) part: Part,
     pub(crate) plug: u32,
@@ -168,14 +170,16 @@ impl World {
     }
 
     /// Lists a part of a device, with one more reference to it.
-    pub(crate) fn list(&mut self, kinect: usize, part: Part, plug: u32) -> usize {
-        let same = |listed: &Listed| (listed.kinect, listed.part, listed.plug) == (kinect, part, plug);
+    pub(crate) fn list(&mut self, context: usize, kinect: usize, part: Part, plug: u32) -> usize {
+        let same = |listed: &Listed| {
+            (listed.context, listed.kinect, listed.part, listed.plug) == (context, kinect, part, plug)
+        };
         if let Some((&key, listed)) = self.devices.iter_mut().find(|(_, listed)| same(listed)) {
             listed.references += 1;
             return key;
         }
         let key = self.key();
-        self.devices.insert(key, Listed { kinect, part, plug, references: 1 });
+        self.devices.insert(key, Listed { context, kinect, part, plug, references: 1 });
         key
     }
 
@@ -196,7 +200,7 @@ impl World {
         self.kinects.get(kinect).is_some_and(|kinect| kinect.is_plugged && kinect.plug == plug)
     }
 
-    pub(crate) fn add_handle(&mut self, device: usize, context: usize) -> io::Result<usize> {
+    pub(crate) fn add_handle(&mut self, device: usize) -> io::Result<usize> {
         let descriptor = File::open("/dev/null")?;
         let Some(listed) = self.devices.get_mut(&device) else { return Err(io::ErrorKind::NotFound.into()) };
         listed.references += 1;
@@ -205,7 +209,7 @@ impl World {
             kinect: listed.kinect,
             part: listed.part,
             plug: listed.plug,
-            context,
+            context: listed.context,
             claimed: BTreeSet::new(),
             active: BTreeSet::new(),
             _descriptor: descriptor,

@@ -83,14 +83,15 @@ pub(crate) extern "C" fn libusb_exit(context: *mut c_void) {
 /// As libusb's: `list` may be written to.
 #[unsafe(no_mangle)]
 pub(crate) unsafe extern "C" fn libusb_get_device_list(
-    _context: *mut c_void,
+    context: *mut c_void,
     list: *mut *mut *mut c_void,
 ) -> libc::ssize_t {
     let count = in_world(|world| {
+        let context = world.context(key(context)).ok_or(error::INVALID_PARAM)?;
         let found: Vec<_> = world.kinects.iter().map(|kinect| (kinect.number, kinect.plug, kinect.parts())).collect();
         let mut keys = Vec::new();
         for (kinect, plug, parts) in found {
-            keys.extend(parts.into_iter().map(|part| world.list(kinect, part, plug)));
+            keys.extend(parts.into_iter().map(|part| world.list(context, kinect, part, plug)));
         }
         // SAFETY: calloc may be called with any sizes; the list ends with a null pointer.
         let memory = unsafe { libc::calloc(keys.len() + 1, size_of::<*mut c_void>()) }.cast::<*mut c_void>();
@@ -198,8 +199,8 @@ pub(crate) extern "C" fn libusb_get_parent(device: *mut c_void) -> *mut c_void {
         let Some(child) = world.devices.get(&key(device)).filter(|child| child.part != Part::Hub) else {
             return null_mut();
         };
-        let hub = (child.kinect, Part::Hub, child.plug);
-        let found = world.devices.iter().find(|(_, listed)| (listed.kinect, listed.part, listed.plug) == hub);
+        let hub = (child.context, child.kinect, Part::Hub, child.plug);
+        let found = world.devices.iter().find(|(_, l)| (l.context, l.kinect, l.part, l.plug) == hub);
         found.map_or(null_mut(), |(&key, _)| pointer(key))
     })
 }

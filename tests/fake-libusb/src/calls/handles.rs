@@ -25,9 +25,7 @@ pub(crate) unsafe extern "C" fn libusb_open(device: *mut c_void, handle: *mut *m
             world.journal("refuse", format_args!("device={kinect} what={part:?} open: no permission"));
             return Err(error::ACCESS);
         }
-        // Handles belong to the context of the list; lists are the same for all, and there is one but in odd programs.
-        let context = world.contexts.keys().next_back().copied().ok_or(error::INVALID_PARAM)?;
-        let key = world.add_handle(device, context).map_err(|_no_descriptor| error::IO)?;
+        let key = world.add_handle(device).map_err(|_no_descriptor| error::IO)?;
         world.journal("open", format_args!("device={kinect} what={part:?} handle={key:#x}"));
         // SAFETY: the caller's promise.
         unsafe { *handle = pointer(key) };

@@ -22,8 +22,9 @@ static FILE *frames;
 static size_t frame_bytes;
 static unsigned long frames_seen;
 static int assemble;
-static uint8_t seen[PACKETS];
-static int called_back_on_error;
+static uint8_t seen[PACKETS], seen_of_next[PACKETS];
+static int last_chunk = -1, next_began;
+static volatile int opened_in_thread;
 
 static uint64_t fnv1a(const uint8_t *bytes, size_t count) {
     uint64_t hash = 0xcbf29ce484222325u;
@@ -34,7 +35,10 @@ static uint64_t fnv1a(const uint8_t *bytes, size_t count) {
 static void on_chunk(void *buffer, void *packet, int number, int length, void *user) {
     (void)user;
     if (number < 0 || number >= PACKETS) return;
-    seen[number] = 1;
+    /* Without its last packet a frame is complete only when packet 0 of the next one has been handed over. */
+    if (number <= last_chunk) next_began = 1;
+    last_chunk = number;
+    (next_began ? seen_of_next : seen)[number] = 1;
     memcpy((uint8_t *)buffer + number * PACKET_BYTES, packet, (size_t)length);
 }
 
@@ -45,7 +49,10 @@ static void on_depth(freenect_device *dev, void *depth, uint32_t ticks) {
     if (assemble) {
         for (int i = 0; i < PACKETS; i++)
             if (!seen[i]) fprintf(frames, "%d,", i);
-        memset(seen, 0, sizeof seen);
+        memcpy(seen, seen_of_next, sizeof seen);
+        memset(seen_of_next, 0, sizeof seen_of_next);
+        if (!next_began) last_chunk = -1;
+        next_began = 0;
     }
     fputs("\n", frames);
 }
@@ -78,10 +85,16 @@ static int descriptors(void) {
     return count - 3; /* ".", ".." and the folder itself */
 }
 
+/* Opens a device in a context of its own. */
 static void *open_in_thread(void *serial) {
+    freenect_context *other;
     freenect_device *mute;
-    freenect_open_device_by_camera_serial(context, &mute, serial);
-    called_back_on_error = 1;
+    if (freenect_init(&other, NULL) < 0) return NULL;
+    freenect_select_subdevices(other, FREENECT_DEVICE_CAMERA);
+    int result = freenect_open_device_by_camera_serial(other, &mute, serial);
+    if (result == 0) freenect_close_device(mute);
+    freenect_shutdown(other);
+    opened_in_thread = result == 0 ? 1 : -1;
     return NULL;
 }
 
@@ -110,7 +123,7 @@ int main(int count, char **arguments) {
             pthread_t thread;
             result = pthread_create(&thread, NULL, open_in_thread, strdup(word));
         } else if (!strcmp(name, "opened-in-thread")) {
-            result = called_back_on_error;
+            result = opened_in_thread;
         } else if (!strcmp(name, "mode")) {
             freenect_frame_mode mode =
                 freenect_find_depth_mode(FREENECT_RESOLUTION_MEDIUM, (freenect_depth_format)(int)number);
