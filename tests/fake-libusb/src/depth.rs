@@ -7,12 +7,10 @@ use std::io;
 use fake_libusb_control::{Corruption, StallEnd};
 
 use crate::chronicle::Chronicle;
-use crate::clock::{Nanos, SLOT};
+use crate::clock::{Nanos, SLOT, from_seconds};
+use crate::packet::{self, Chance};
 use crate::source::Source;
 
-/// Bytes of a packet's header, and of its payload.
-const HEADER: usize = 12;
-const PAYLOAD: usize = 1_748;
 /// From the start's register to the first frame: 50 ms.
 const START_SLOTS: u64 = 400;
 
@@ -35,7 +33,7 @@ pub(crate) struct Depth {
     /// What happens to the next frame's packets.
     drop: Vec<u16>,
     corrupt: Vec<(u16, Corruption)>,
-    random: Random,
+    chance: Chance,
     bytes: Vec<u8>,
     payload: Vec<u8>,
     packet: Vec<u8>,
@@ -102,7 +100,7 @@ impl Depth {
             offset: 0,
             drop: Vec::new(),
             corrupt: Vec::new(),
-            random: Random { probability: 0.0, state: 0 },
+            chance: Chance::new(0.0, 0),
             bytes: Vec::new(),
             payload: Vec::new(),
             packet: Vec::new(),
@@ -145,7 +143,7 @@ impl Depth {
 
     pub(crate) fn stall(&mut self, end: StallEnd, now: Nanos) {
         self.stall = Some(match end {
-            StallEnd::After(seconds) => Stall::Time(now + crate::clock::from_seconds(seconds)),
+            StallEnd::After(seconds) => Stall::Time(now + from_seconds(seconds)),
             StallEnd::Restart => Stall::Host(Recovery::Restart),
             StallEnd::Reopen => Stall::Host(Recovery::Reopen),
             StallEnd::Reset => Stall::Host(Recovery::Reset),
@@ -175,7 +173,7 @@ impl Depth {
     }
 
     pub(crate) fn drop_random(&mut self, probability: f64, seed: u64) {
-        self.random = Random { probability, state: seed };
+        self.chance = Chance::new(probability, seed);
     }
 
     pub(crate) fn drop_next(&mut self, packets: &[u16]) {
@@ -211,7 +209,7 @@ impl Depth {
         }
         if ten_bits {
             self.payload.clear();
-            ten_bit_stream(&self.bytes, &mut self.payload);
+            packet::ten_bit_stream(&self.bytes, &mut self.payload);
         } else {
             self.payload.clone_from(&self.bytes);
         }
@@ -219,7 +217,7 @@ impl Depth {
             number: self.begun,
             first: slot,
             ticks: source_ticks.wrapping_add(self.offset),
-            packets: u16::try_from(self.payload.len().div_ceil(PAYLOAD)).unwrap_or(u16::MAX),
+            packets: packet::count(&self.payload),
             sent: 0,
             drop: std::mem::take(&mut self.drop),
             corrupt: std::mem::take(&mut self.corrupt),
@@ -245,28 +243,19 @@ impl Depth {
         let (frame, packets, ticks) = (sending.number, sending.packets, sending.ticks);
         let index = u16::try_from(slot - sending.first).ok()?;
         sending.sent = index + 1;
-        let lost = sending.drop.contains(&index) | self.random.strikes();
+        let lost = sending.drop.contains(&index) | self.chance.strikes();
         let damage = sending.corrupt.iter().find(|(packet, _)| *packet == index).map(|(_, kind)| *kind);
         let sequence = self.sequence;
         // The device counts what it sends, whether it arrives or not.
         self.sequence = sequence.wrapping_add(1);
-        let payload = self.payload.chunks(PAYLOAD).nth(usize::from(index)).unwrap_or_default();
-        let flag = match index {
-            0 => 0x71,
-            _ if index + 1 == packets => 0x75,
-            _ => 0x72,
-        };
-        self.packet.clear();
-        self.packet.extend([0x52, 0x42, 0, flag, 0, sequence, 0, 0]);
-        self.packet.extend(ticks.to_le_bytes());
-        self.packet.extend(payload);
+        packet::write(&mut self.packet, &self.payload, index, sequence, ticks);
         if index + 1 == packets {
             self.sending = None;
         }
         if lost {
             chronicle.lost(self.device, frame, index);
         } else if let Some(kind) = damage {
-            corrupt(&mut self.packet, kind);
+            packet::corrupt(&mut self.packet, kind);
             chronicle.corrupt(self.device, frame, index, kind);
         }
         if index + 1 == packets {
@@ -276,60 +265,10 @@ impl Depth {
     }
 }
 
-fn corrupt(packet: &mut Vec<u8>, kind: Corruption) {
-    match kind {
-        Corruption::Magic => packet[..2].fill(0),
-        Corruption::Flag => packet[3] = 0x7F,
-        Corruption::Sequence => packet[5] = packet[5].wrapping_add(100),
-        Corruption::Short => packet.truncate(HEADER + (packet.len() - HEADER) / 2),
-        Corruption::Long => packet.resize(packet.len() + 100, 0),
-        Corruption::Payload => packet[HEADER..].iter_mut().for_each(|byte| *byte = !*byte),
-    }
-}
-
-/// The 11-bit stream as the camera sends it at ten bits: the lowest bit of each code is dropped.
-fn ten_bit_stream(packed: &[u8], ten: &mut Vec<u8>) {
-    let (mut bits, mut held, mut out, mut waiting) = (0_u32, 0, 0_u32, 0);
-    for &byte in packed {
-        bits = bits << 8 | u32::from(byte);
-        held += 8;
-        if held < 11 {
-            continue;
-        }
-        held -= 11;
-        out = out << 10 | (bits >> (held + 1) & 0x3FF);
-        waiting += 10;
-        while waiting >= 8 {
-            waiting -= 8;
-            ten.push((out >> waiting) as u8);
-        }
-    }
-}
-
-/// Which packets are lost by chance: the splitmix64 generator, the same for the same seed.
-#[derive(Debug)]
-struct Random {
-    probability: f64,
-    state: u64,
-}
-
-impl Random {
-    fn strikes(&mut self) -> bool {
-        if self.probability <= 0.0 {
-            return false;
-        }
-        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.state ^ self.state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((mixed ^ mixed >> 31) >> 11) as f64 / (1_u64 << 53) as f64 <= self.probability
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use fake_libusb_control::{FrameWriter, Frames};
-    use tumbled_kinect::packed::{GROUP_PIXELS, pack_group};
 
     /// A camera that was started in slot 0, with a file of one frame of the byte 0xA5.
     fn camera() -> Depth {
@@ -383,19 +322,6 @@ mod tests {
     }
 
     #[test]
-    fn chance_strikes_as_often_as_asked_and_the_same_each_time() {
-        let strikes = |seed: u64| {
-            let mut random = Random { probability: 0.01, state: seed };
-            (0..100_000).filter(|_| random.strikes()).count()
-        };
-        // Binomial: 1000 with a standard deviation of 31.
-        assert!((850..1_150).contains(&strikes(1)), "{}", strikes(1));
-        assert_eq!(strikes(7), strikes(7));
-        let mut always = Random { probability: 1.0, state: 0 };
-        assert!((0..1_000).all(|_| always.strikes()));
-    }
-
-    #[test]
     fn a_stall_ends_at_its_time_or_by_what_the_host_does() {
         let mut depth = camera();
         depth.stall(StallEnd::After(0.1), 0); // 800 slots: the frames of 400 and 666 are missing
@@ -411,14 +337,5 @@ mod tests {
         depth.stall(StallEnd::Reset, 0);
         depth.recover(Recovery::Reopen);
         assert_eq!(depth.stall, Some(Stall::Host(Recovery::Reset)));
-    }
-
-    #[test]
-    fn ten_bits_are_the_higher_ten() {
-        let codes: [u16; GROUP_PIXELS] = [0, 1, 2, 3, 1_024, 2_045, 2_046, 2_047];
-        let mut ten = Vec::new();
-        ten_bit_stream(&pack_group(codes), &mut ten);
-        let bits = codes.iter().fold(0_u128, |bits, &code| bits << 10 | u128::from(code >> 1));
-        assert_eq!(ten, bits.to_be_bytes()[6..]); // 80 bits
     }
 }

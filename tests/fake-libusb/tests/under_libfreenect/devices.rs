@@ -1,8 +1,10 @@
 //! Devices that come, go and refuse, as the real libfreenect meets them.
 
+use std::os::unix::fs::symlink;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::support::{Host, assert_true, three_frames};
+use crate::support::{Environment, Host, assert_true, three_frames};
 use fake_libusb_control::Status;
 
 /// Asks until the answer is as wanted, for ten seconds at most.
@@ -96,6 +98,28 @@ fn a_mute_camera_talks_again_after_it_was_without_power() {
     until(&mut host, "opened-in-thread", -1);
     control.send("replug").expect("obeys");
     assert_eq!(["open A7", "close"].map(|line| host.ask(line)), [0, 0]);
+}
+
+#[test]
+fn two_cameras_stream_side_by_side() {
+    for pace in ["fast", "real"] {
+        let script = format!("pace {pace}\nkinect 1414 serial A\nframes frames\nkinect 1414 serial B\nframes frames");
+        let Some(mut host) = Host::start(&script, three_frames) else { return };
+        for line in ["init", "open A", "mode 2", "start", "use 1", "open B", "mode 2", "start", "use 0"] {
+            assert_eq!(host.ask(line), 0, "{line}");
+        }
+        host.receive(60);
+        host.ask("use 1");
+        let second = host.ask("frames");
+        // Both send 30 frames a second from their starts on, which lie a few milliseconds apart.
+        assert!((50..=61).contains(&second), "{pace}: {second}");
+        // One goes, the other stays.
+        host.control().send("on 1 unplug").expect("obeys");
+        host.ask("run 1 0.2");
+        host.ask("use 0");
+        assert_eq!(host.control().status().expect("answers").plugged, 1);
+        host.finish(&["use 1", "close", "use 0", "stop", "close", "shutdown"]).assert_clean();
+    }
 }
 
 #[test]
@@ -198,6 +222,20 @@ fn what_happens_at_a_time_happens_then() {
     // Frames 33.3 ms apart after a start within the first half second; whole ones only.
     let truth = finished.standin.truth().expect("reads");
     assert!(truth.frames(0).all(|frame| frame.seconds < 0.5));
+}
+
+#[test]
+fn the_stand_in_may_be_put_in_libusbs_place() {
+    let instead = |folder: &Path, [preload, script]: Environment| {
+        symlink(preload.1, folder.join("libusb-1.0.so.0")).expect("links");
+        [("LD_LIBRARY_PATH".into(), folder.as_os_str().to_owned()), script]
+    };
+    let Some(mut host) = Host::start_with("kinect 1414\nframes frames\npace fast", three_frames, instead) else {
+        return;
+    };
+    host.stream(2);
+    host.receive(3);
+    host.finish(&["stop", "close", "shutdown"]).assert_clean();
 }
 
 #[test]

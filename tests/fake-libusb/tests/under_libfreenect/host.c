@@ -1,6 +1,7 @@
 /*
  * A host program on libfreenect, driven by lines on stdin: each is answered by one line on stdout.
  * Frames are written to the file given on the command line: "TICKS BYTES FNV1A-OF-THE-BYTES MISSING-PACKETS".
+ * There may be a second device ("use 1"), whose frames are counted alone.
  */
 #include <dirent.h>
 #include <libfreenect.h>
@@ -17,10 +18,11 @@
 #define PACKET_BYTES 1748
 
 static freenect_context *context;
-static freenect_device *device;
+static freenect_device *devices[2], *device;
+static int used;
 static FILE *frames;
 static size_t frame_bytes;
-static unsigned long frames_seen;
+static unsigned long frames_seen, frames_of_second;
 static int assemble;
 static uint8_t seen[PACKETS], seen_of_next[PACKETS];
 static int last_chunk = -1, next_began;
@@ -43,7 +45,10 @@ static void on_chunk(void *buffer, void *packet, int number, int length, void *u
 }
 
 static void on_depth(freenect_device *dev, void *depth, uint32_t ticks) {
-    (void)dev;
+    if (dev == devices[1]) {
+        frames_of_second++;
+        return;
+    }
     frames_seen++;
     fprintf(frames, "%u %zu %016llx ", ticks, frame_bytes, (unsigned long long)fnv1a(depth, frame_bytes));
     if (assemble) {
@@ -119,6 +124,10 @@ int main(int count, char **arguments) {
         } else if (!strcmp(name, "open")) {
             result = word[0] ? freenect_open_device_by_camera_serial(context, &device, word)
                              : freenect_open_device(context, &device, 0);
+            devices[used] = device;
+        } else if (!strcmp(name, "use")) {
+            used = number != 0;
+            device = devices[used];
         } else if (!strcmp(name, "open-in-thread")) {
             pthread_t thread;
             result = pthread_create(&thread, NULL, open_in_thread, strdup(word));
@@ -142,7 +151,7 @@ int main(int count, char **arguments) {
         } else if (!strcmp(name, "sleep")) {
             usleep((useconds_t)(number * 1e6));
         } else if (!strcmp(name, "frames")) {
-            result = (int)frames_seen;
+            result = (int)(used ? frames_of_second : frames_seen);
         } else if (!strcmp(name, "stop")) {
             result = freenect_stop_depth(device);
         } else if (!strcmp(name, "stop-video")) {

@@ -1,6 +1,7 @@
 //! A host program on the real libfreenect, run under the stand-in.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -55,6 +56,9 @@ pub(crate) struct Received {
     pub(crate) missing: Vec<u16>,
 }
 
+/// Variables that load the stand-in, and tell it its script.
+pub(crate) type Environment = [(OsString, OsString); 2];
+
 /// A running host program under a stand-in.
 pub(crate) struct Host {
     pub(crate) standin: Standin,
@@ -67,13 +71,22 @@ pub(crate) struct Host {
 impl Host {
     /// Starts the host under a script; `prepare` may put frames into the folder before. `None`: skipped.
     pub(crate) fn start(script: &str, prepare: impl FnOnce(&Path)) -> Option<Self> {
+        Self::start_with(script, prepare, |_, environment| environment)
+    }
+
+    /// The same, with a say in what the host's environment is.
+    pub(crate) fn start_with(
+        script: &str,
+        prepare: impl FnOnce(&Path),
+        environment: impl FnOnce(&Path, Environment) -> Environment,
+    ) -> Option<Self> {
         let program = host_program()?;
         let folder = tempfile::tempdir().expect("a folder");
         prepare(folder.path());
         let standin = Standin::new(folder.path(), script).expect("builds the stand-in");
         let mut child = Command::new(program)
             .arg(folder.path().join("received"))
-            .envs(standin.environment())
+            .envs(environment(folder.path(), standin.environment()))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(File::create(folder.path().join("stderr")).expect("creates"))
