@@ -366,3 +366,36 @@ impl Kinect {
         Some(Duration::from_nanos(next.saturating_sub(self.now())))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kinect(line: &str) -> Kinect {
+        let script = Script::parse(line, std::path::Path::new("/")).expect("a script");
+        Kinect::new(0, &script.devices[0], &script, Instant::now(), || ()).expect("no files")
+    }
+
+    #[test]
+    fn a_kinect_for_windows_has_endpoints_on_its_alternate_setting_alone() {
+        let mut windows = kinect("kinect k4w");
+        assert!(!windows.has_endpoints());
+        windows.alternate = 1;
+        assert!(windows.has_endpoints());
+        windows.reset(&mut Chronicle::default());
+        assert!(!windows.has_endpoints());
+        assert!(kinect("kinect 1414").has_endpoints());
+    }
+
+    #[test]
+    fn parts_are_those_of_the_model() {
+        use Part::{Audio, Camera, Hub, Motor};
+        assert_eq!(kinect("kinect 1414").parts(), [Hub, Camera, Motor]);
+        assert_eq!(kinect("kinect 1414 audio loader").parts(), [Hub, Camera, Motor, Audio]);
+        assert_eq!(kinect("kinect 1473").parts(), [Hub, Camera, Audio]);
+        let mut unplugged = kinect("kinect 1414");
+        unplugged.apply(&Fault::Unplug, &mut Chronicle::default()).expect("is plugged in");
+        assert_eq!(unplugged.parts(), []);
+        assert!(unplugged.apply(&Fault::Unplug, &mut Chronicle::default()).is_err());
+    }
+}

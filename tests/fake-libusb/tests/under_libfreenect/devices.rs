@@ -40,6 +40,10 @@ fn an_unplugged_camera_ends_the_stream_and_comes_back_at_another_port() {
     let status = control.status().expect("answers");
     assert_eq!((status.handles, status.claims, status.transfers, status.streaming), (1, 1, 16, 1));
     assert_eq!(control.send("replug").expect_err("it is there").to_string(), "`replug`: error: is plugged in");
+    assert_eq!(
+        control.send("on 1 unplug").expect_err("one device").to_string(),
+        "`on 1 unplug`: error: there is no device 1 of 1"
+    );
     assert!(control.send("drop 5").expect("obeys").starts_with("frame "));
     host.finish(&["stop", "close", "shutdown"]).assert_clean();
 }

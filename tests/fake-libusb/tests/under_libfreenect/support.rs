@@ -59,11 +59,22 @@ pub(crate) struct Received {
 /// Variables that load the stand-in, and tell it its script.
 pub(crate) type Environment = [(OsString, OsString); 2];
 
+/// A process that does not outlive its test.
+struct Owned(Child);
+
+impl Drop for Owned {
+    fn drop(&mut self) {
+        // It has mostly ended by itself; killing what has ended is no harm.
+        self.0.kill().ok();
+        self.0.wait().ok();
+    }
+}
+
 /// A running host program under a stand-in.
 pub(crate) struct Host {
     pub(crate) standin: Standin,
     pub(crate) folder: TempDir,
-    child: Child,
+    child: Owned,
     lines: ChildStdin,
     replies: BufReader<ChildStdout>,
 }
@@ -94,7 +105,7 @@ impl Host {
             .expect("the host starts");
         let lines = child.stdin.take().expect("its stdin");
         let replies = BufReader::new(child.stdout.take().expect("its stdout"));
-        Some(Self { standin, folder, child, lines, replies })
+        Some(Self { standin, folder, child: Owned(child), lines, replies })
     }
 
     /// Lets the host do something; the numbers it answers with.
@@ -137,7 +148,7 @@ impl Host {
             self.ask(line);
         }
         drop(self.lines);
-        assert!(self.child.wait().expect("ends").success());
+        assert!(self.child.0.wait().expect("ends").success());
         Finished { standin: self.standin, folder: self.folder }
     }
 
