@@ -100,10 +100,9 @@ fn thirty_frames_a_second_over_ten_seconds_and_none_lost() {
     // The schedule: frame 300 begins 10 s after frame 0, to a slot of 125 µs.
     assert!((sent[300].seconds - sent[0].seconds - 10.0).abs() <= 125e-6, "{}", sent[300].seconds - sent[0].seconds);
     assert_true(&finished, 0);
-    if sent.iter().all(|frame| frame.late.is_empty()) {
-        let ticks: Vec<u32> = finished.received().iter().map(|frame| frame.ticks).collect();
-        assert_eq!(ticks, (0..ticks.len() as u32).map(|index| index * FRAME_TICKS).collect::<Vec<_>>());
-        assert!(ticks.len() >= 301);
+    if sent[..=300].iter().all(|frame| frame.late.is_empty()) {
+        let ticks: Vec<u32> = finished.received()[..=300].iter().map(|frame| frame.ticks).collect();
+        assert_eq!(ticks, (0..=300).map(|index| index * FRAME_TICKS).collect::<Vec<_>>());
     } else {
         println!("packets were late: this machine let the host sleep for more than 32 ms");
     }
