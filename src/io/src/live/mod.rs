@@ -7,7 +7,8 @@
 //!    (drop newest, one Gap)                        (recorder loses; the core is relieved by Skip)
 //! ```
 //!
-//! * [`source`]: what a source is; [`udp`] is the one for a LiDAR; [`mod@supervise`] keeps it running;
+//! * [`source`]: what a source is; [`udp`] is the one for a LiDAR, `kinect_usb` the one for a Kinect (feature `kinect-usb`);
+//!   [`mod@supervise`] keeps it running;
 //! * [`intake`]: a source's bounded way into the ledger, with its losses counted and posted; [`control`]: an operator's;
 //! * [`ledger`]: the thread that makes the one order; [`outlet`]: the bounded ways out of it;
 //! * [`clock`], [`arrival`]: the session's timeline and the kernel's stamps on it;
@@ -21,6 +22,8 @@ pub mod arrival;
 pub mod clock;
 pub mod control;
 pub mod intake;
+#[cfg(feature = "kinect-usb")]
+pub mod kinect_usb;
 pub mod ledger;
 mod metronome;
 pub mod outlet;
@@ -37,13 +40,16 @@ pub use arrival::{Arrival, ArrivalClock};
 pub use clock::{HostClock, HostSample, SessionClock, SessionInstant, SystemClock};
 pub use control::{ControlError, ControlIntake};
 pub use intake::{Delivery, Intake, LedgerClosed, QueueBound};
+#[cfg(feature = "kinect-usb")]
+pub use kinect_usb::{KinectHint, KinectOpener, KinectSource, KinectUsbConfig};
 pub use ledger::{Ledger, LedgerHandle, LedgerSummary, QueueFill};
 pub use outlet::{Consumer, EventReceiver, OutletCounts, OutletGauge, Patience, ScanMark, WhenFull};
 pub use probe::{Heard, UdpProbe, listen};
 pub use pty::PseudoTerminal;
 pub use send::{Pace, SendError, Sent, UdpSender};
 pub use source::{
-    Device, Opener, ReceiveBuffer, Source, SourceCounters, SourceError, SourceInfo, SourceWarning, Summary, UdpInfo,
+    Device, KinectInfo, Opener, ReceiveBuffer, Source, SourceCounters, SourceError, SourceInfo, SourceWarning, Summary,
+    UdpInfo,
 };
 pub use stop::StopToken;
 pub use supervise::{Backoff, Notice, Supervised, SupervisedSummary, supervise};

@@ -2,6 +2,7 @@
 
 use super::intake::Intake;
 use super::stop::StopToken;
+use crate::machine::KinectModel;
 use core::fmt;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
@@ -57,6 +58,8 @@ impl SourceInfo {
 pub enum Device {
     /// UDP sockets.
     Udp(UdpInfo),
+    /// A Kinect on the USB.
+    Kinect(KinectInfo),
     /// Values in memory or a file, not a device.
     Stored,
 }
@@ -75,6 +78,22 @@ pub struct UdpInfo {
     pub buffer: ReceiveBuffer,
 }
 
+/// A Kinect on the USB.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct KinectInfo {
+    /// Its model; `None`: the system does not list it.
+    pub model: Option<KinectModel>,
+    /// Its serial number, as a config names it.
+    pub serial: Option<String>,
+    /// The release number of its camera's firmware (bcdDevice).
+    pub release: Option<u16>,
+    /// Its place on the bus, e.g. `1-2.3`.
+    pub place: Option<String>,
+    /// Recorded frames, played by fakenect in the USB library's stead: no device.
+    pub recorded: bool,
+}
+
 /// A socket's receive buffer, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReceiveBuffer {
@@ -90,6 +109,11 @@ pub struct ReceiveBuffer {
 pub enum SourceWarning {
     /// The kernel granted less than 1 MiB of receive buffer: a short pause of this machine loses packets.
     SmallReceiveBuffer(ReceiveBuffer),
+    /// A Kinect's tilt, lamp or accelerometer does not do what was asked; its depth comes all the same.
+    KinectPosture {
+        /// The step that failed.
+        step: &'static str,
+    },
 }
 
 impl fmt::Display for SourceWarning {
@@ -100,6 +124,11 @@ impl fmt::Display for SourceWarning {
                 "the kernel granted a receive buffer of {} bytes of the {} asked for: packets are lost when this machine \
                  is busy for a moment; allow more with `sysctl -w net.core.rmem_max=8388608`",
                 buffer.granted, buffer.requested
+            ),
+            Self::KinectPosture { step } => write!(
+                f,
+                "{step} failed: on model 1473 and Kinect for Windows tilt, lamp and accelerometer need firmware for the \
+                 microphones; depth does not"
             ),
         }
     }
@@ -160,6 +189,25 @@ pub enum SourceError {
         /// What the system said.
         error: io::Error,
     },
+    /// A Kinect does not deliver.
+    #[cfg(feature = "kinect-usb")]
+    #[error("{error}{}", super::kinect_usb::listed(hints))]
+    Kinect {
+        /// Why, as the driver sees it.
+        error: tumbled_freenect::KinectError,
+        /// What the system knows besides.
+        hints: Vec<super::kinect_usb::KinectHint>,
+    },
+    /// A Kinect sends the same frame again and again.
+    #[cfg(feature = "kinect-usb")]
+    #[error(
+        "the Kinect is frozen: {repeats} frames on end repeat the one before; it is opened anew; if that does not help, plug it \
+         in anew"
+    )]
+    KinectFrozen {
+        /// Repetitions on end.
+        repeats: u32,
+    },
     /// The ledger ended before the source was told to stop.
     #[error("the ledger has ended: nothing takes the data of {sensor} any more")]
     LedgerClosed {
@@ -169,9 +217,15 @@ pub enum SourceError {
 }
 
 impl SourceError {
-    /// Whether another attempt can help. Only a ledger that has ended is final: cables, ports and permissions change.
+    /// Whether another attempt can help. Cables, ports and permissions change; a ledger that has ended and recorded frames
+    /// that cannot be played do not.
     pub fn is_worth_a_retry(&self) -> bool {
-        !matches!(self, Self::LedgerClosed { .. })
+        match self {
+            Self::LedgerClosed { .. } => false,
+            #[cfg(feature = "kinect-usb")]
+            Self::Kinect { error, .. } => error.is_worth_a_retry(),
+            _ => true,
+        }
     }
 }
 

@@ -122,6 +122,8 @@ impl Keeper {
             };
             let error = match ended {
                 Ok(()) => break,
+                // It was told to stop meanwhile: what then fails has failed at nobody's cost.
+                Err(error) if error.is_worth_a_retry() && self.stop.is_stopped() => break,
                 Err(error) if error.is_worth_a_retry() => error,
                 Err(error) => return Some(error),
             };

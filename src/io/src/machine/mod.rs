@@ -4,9 +4,13 @@
 //! in `/dev` and `/sys` is looked for below a root that tests replace.
 
 pub mod interfaces;
+pub mod kinect;
 pub mod serial;
+#[cfg(test)]
+mod sysfs;
 pub mod usb;
 
 pub use interfaces::{Interface, Network, interfaces};
+pub use kinect::{KinectFinding, kinect_cameras, kinect_findings};
 pub use serial::{SerialAccess, SerialPort, serial_access, serial_ports};
-pub use usb::{KinectPart, KinectUsb, kinects};
+pub use usb::{KinectModel, KinectPart, KinectUsb, kinects};
