@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const KERNEL_DRIVER: &str = "gspca_kinect";
 /// What a model without a serial number reports.
 const SERIAL_OF_ZEROS: &str = "0000000000000000";
-/// High speed, megabits a second: depth alone needs 102 of them.
+/// High speed, megabits a second: a full-speed port's 12 do not carry depth, whose payload is 101.
 const HIGH_SPEED_MBIT: u32 = 480;
 
 /// Something that keeps a Kinect from being read. Shown, it names the remedy.
