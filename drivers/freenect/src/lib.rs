@@ -11,9 +11,10 @@
 //! * [`kinect`]: the handle; no call of it waits longer than its deadline, whatever the device does;
 //! * [`frame`]: what a frame is, where it goes; [`options`]: which device, what else than depth; [`error`]: why not;
 //! * [`abandoned`]: threads that hang in the library; [`mod@reset`]: the last remedy for a device that hangs;
-//! * `worker`: the usb thread; `library`: context and device, closed in the right order; `callbacks`: what the library
-//!   calls; `assembly`: packets to frames; `missing`: frames that never came; `said`: what the library logs; `symbols`: what
-//!   it has; `posture`: tilt, lamp, accelerometer; `playback`: the player of recorded frames that stands in for the library.
+//! * `worker`: the usb thread; `library`: context and device, closed in the right order;
+//!   `callbacks`: what the library calls; `assembly`: packets to frames; `missing`: frames that never came;
+//! * `said`: what the library logs; `symbols`: what it has; `posture`: tilt, lamp, accelerometer; `playback`: the player of
+//!   recorded frames that stands in for the library.
 //!
 //! Two libraries go by this name. The real one hands over every packet, so a frame is assembled here, packed as it was on
 //! the wire, and its holes are known. The player (fakenect) has no packets; it hands over whole frames, 16 bits a pixel.
