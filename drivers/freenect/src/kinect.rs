@@ -6,6 +6,7 @@ use crate::frame::FrameSink;
 use crate::library::Library;
 use crate::options::Options;
 use crate::posture::Acceleration;
+use crate::priority::Priority;
 use crate::worker::{Report, Shared, work};
 use core::time::Duration;
 use std::sync::atomic::Ordering;
@@ -29,6 +30,8 @@ pub struct Opened {
     pub serial: Option<String>,
     /// The step of tilt, lamp or accelerometer that failed: depth comes all the same.
     pub posture_failed: Option<&'static str>,
+    /// The usb thread's priority while frames come; ordinary for recorded frames, which nothing can lose.
+    pub priority: Priority,
 }
 
 /// Why a stream is over, when nothing failed.
@@ -90,7 +93,8 @@ impl Kinect {
             work(&options, &theirs, &told_to_begin, &tell);
         };
         std::thread::Builder::new().name(format!("usb-{name}")).spawn(thread).map_err(KinectError::NoThread)?;
-        let opened = Opened { library: Library::Freenect, serial: None, posture_failed: None };
+        let (library, priority) = (Library::Freenect, Priority::Ordinary);
+        let opened = Opened { library, serial: None, posture_failed: None, priority };
         let beat = (0, Instant::now());
         let mut kinect = Self { opened, shared, begin: Some(begin), reports, presence, beat, ended: false };
         // On an error the handle is dropped, which stops the thread or leaves it behind.

@@ -13,8 +13,8 @@
 //! * [`abandoned`]: threads that hang in the library; [`mod@reset`]: the last remedy for a device that hangs;
 //! * `worker`: the usb thread; `library`: context and device, closed in the right order;
 //!   `callbacks`: what the library calls; `assembly`: packets to frames; `missing`: frames that never came;
-//! * `said`: what the library logs; `symbols`: what it has; `posture`: tilt, lamp, accelerometer; `playback`: the player of
-//!   recorded frames that stands in for the library.
+//! * `said`: what the library logs; `symbols`: what it has; `posture`: tilt, lamp, accelerometer; [`priority`]: the usb
+//!   thread's, while frames come; `playback`: the player of recorded frames that stands in for the library.
 //!
 //! Two libraries go by this name. The real one hands over every packet, so a frame is assembled here, packed as it was on
 //! the wire, and its holes are known. The player (fakenect) has no packets; it hands over whole frames, 16 bits a pixel.
@@ -34,6 +34,7 @@ mod missing;
 pub mod options;
 mod playback;
 mod posture;
+pub mod priority;
 pub mod reset;
 mod said;
 mod symbols;
@@ -46,4 +47,5 @@ pub use kinect::{End, Kinect, Opened, Stopped};
 pub use library::Library;
 pub use options::{Led, Options};
 pub use posture::Acceleration;
+pub use priority::Priority;
 pub use reset::reset;

@@ -7,6 +7,7 @@ use crate::kinect::{End, Opened};
 use crate::library::{Context, Device, Library};
 use crate::options::Options;
 use crate::posture::{self, Acceleration};
+use crate::priority::{Priority, Raised};
 use crate::symbols::Symbols;
 use crate::{playback, said};
 use core::time::Duration;
@@ -65,10 +66,13 @@ pub(crate) fn work(options: &Options, shared: &Arc<Shared>, begin: &Receiver<()>
         (true, false) => Some("opening the motor"),
         (false, _) => None,
     };
-    tell(Report::Opened(Opened { library, serial, posture_failed }));
+    let raised = (library == Library::Freenect).then(Raised::ask);
+    let priority = raised.as_ref().map_or(Priority::Ordinary, Raised::granted);
+    tell(Report::Opened(Opened { library, serial, posture_failed, priority }));
     if begin.recv().is_ok() {
         let outcome =
             Streaming::new(options, shared, library, motor && posture_failed.is_none()).run(&mut device, &context);
+        drop(raised);
         tell(Report::Ended(outcome));
     }
 }

@@ -4,6 +4,7 @@
 //! kinect-dump [--serial NUMBER] [--frames N] [--seconds S] [--accelerometer] [--led green] [--tilt DEGREES]
 //!
 //! opened library=Freenect serial=A00362A08602047A
+//! priority real-time
 //! frame 1 ticks=2000000 encoding=Packed11 missing=0 lost=- bytes=422400 digest=8c0f…
 //! ended Stopped
 //! stopped Closed
@@ -67,6 +68,7 @@ fn dump(arguments: &Arguments) -> Result<(), KinectError> {
     let mut kinect = Kinect::open("dump", arguments.options.clone(), &abandoned, &|| false)?;
     let opened = kinect.opened();
     println!("opened library={:?} serial={}", opened.library, opened.serial.as_deref().unwrap_or("-"));
+    println!("priority {}", opened.priority);
     if let Some(step) = opened.posture_failed {
         println!("warning {step} failed");
     }
