@@ -89,10 +89,12 @@ impl FrozenDetector {
         if run >= self.limit { Freshness::Frozen { run, cause } } else { Freshness::Repeated { run, cause } }
     }
 
-    /// Forgets the frames so far: after the device was opened again, whose counter may start anywhere.
-    pub fn reset(&mut self) {
-        self.run = 0;
-        self.before = None;
+    /// The device was opened again: its counter may start anywhere, so an earlier stamp says nothing. Its image is remembered:
+    /// one that was frozen before and sends the same frame once more is frozen still.
+    pub fn reopened(&mut self) {
+        if let Some((ticks, _)) = &mut self.before {
+            *ticks = None;
+        }
     }
 }
 
@@ -176,11 +178,22 @@ mod tests {
     }
 
     #[test]
-    fn a_device_opened_again_starts_anew() {
+    fn a_device_opened_again_may_begin_with_any_stamp() {
         let mut detector = FrozenDetector::default();
         detector.observe(Some(KinectTicks(5_000_000)), PACKED, &frame(1));
-        detector.reset();
-        assert_eq!(detector.observe(Some(KinectTicks(0)), PACKED, &frame(1)), Freshness::Fresh);
+        detector.reopened();
+        assert_eq!(detector.observe(Some(KinectTicks(0)), PACKED, &frame(2)), Freshness::Fresh);
+    }
+
+    #[test]
+    fn a_frozen_device_that_was_opened_again_and_sends_the_same_is_frozen_still() {
+        let mut detector = FrozenDetector::new(2);
+        for n in 1..4 {
+            detector.observe(Some(KinectTicks(n * FRAME)), PACKED, &frame(1));
+        }
+        detector.reopened();
+        let cause = RepeatCause::SameBytes;
+        assert_eq!(detector.observe(Some(KinectTicks(1)), PACKED, &frame(1)), Freshness::Frozen { run: 3, cause });
     }
 
     #[test]

@@ -47,7 +47,7 @@ pub struct Reason {
     pub level: Level,
     /// Whose; null: the session's.
     pub sensor: Option<String>,
-    /// What, for machines: `stale`, `absent`, `fault`, `loss`, `clock`, `blind`.
+    /// What, for machines: `stale`, `absent`, `fault`, `loss`, `usb`, `clock`, `blind`; the shell's `source`: why a device gives nothing.
     pub key: String,
     /// What, and what to do, for people.
     pub message: String,

@@ -20,6 +20,10 @@ use std::collections::BTreeMap;
 use tumbled_kinect::{BackProjector, DecodeCounts, DepthImage, DepthTable, Freshness, FrozenDetector, decode_metres};
 use tumbled_model::{DepthEncoding, KinectTicks, PacketMask, RigNs, SensorId, SourceState, Span};
 
+/// A frozen device is closed and opened anew by its source: for so long it counts as frozen, and not as absent. It is live
+/// again by then, or it has gone.
+const FROZEN_STANDS: Span = Span(5_000_000_000);
+
 /// A depth frame as the ledger has it.
 #[derive(Clone, Copy)]
 pub(crate) struct Frame<'a> {
@@ -93,16 +97,16 @@ impl KinectChannel {
     pub(crate) fn source(&mut self, state: SourceState) {
         self.vitals.source(state);
         if state == SourceState::Opened {
-            // Its counter may begin anywhere, and an earlier stamp is no repetition.
-            self.frozen.reset();
-            self.is_frozen = false;
+            self.frozen.reopened();
         }
     }
 
     /// Takes one frame.
     pub(crate) fn frame(&mut self, frame: Frame<'_>, arrived: RigNs, spare: &mut Vec<RigCloud>, workers: &Workers) {
         self.vitals.datum(arrived, frame.bytes.len());
-        if self.shedding.covers(true) || self.repeats(frame) {
+        // A frame that is shed is compared all the same: a device does not thaw because this machine is busy.
+        let (shed, repeats) = (self.shedding.covers(true), self.repeats(frame));
+        if shed || repeats {
             return;
         }
         let Some((t, sigma, basis)) = self.time(frame.ticks, arrived) else { return };
@@ -160,8 +164,9 @@ impl KinectChannel {
 
     /// What it was doing at `t`.
     pub(crate) fn state(&self, t: RigNs) -> SensorState {
+        let lately = self.vitals.newest.is_some_and(|newest| t - newest <= FROZEN_STANDS);
         match self.vitals.state(t) {
-            SensorState::Live if self.is_frozen => SensorState::Fault,
+            state if self.is_frozen && (lately || state == SensorState::Live) => SensorState::Fault,
             state => state,
         }
     }

@@ -23,6 +23,8 @@ pub(crate) struct Observer {
 struct Traffic {
     received: u64,
     lost: u64,
+    /// Of a Kinect's frames that were received: those with packets missing.
+    damaged: u64,
 }
 
 impl Observer {
@@ -43,7 +45,8 @@ impl Observer {
 
     /// What came and what was lost in the last [`LOSS_SECONDS`].
     fn lately(&mut self, sensor: &SensorHealth) -> Traffic {
-        let now = Traffic { received: sensor.received, lost: sensor.lost.total };
+        let damaged = sensor.kinect.map_or(0, |kinect| kinect.frames_with_loss);
+        let now = Traffic { received: sensor.received, lost: sensor.lost.total, damaged };
         let seen = self.seen.entry(sensor.id.clone()).or_default();
         let before = seen.front().copied().unwrap_or_default();
         seen.push_back(now);
@@ -51,7 +54,11 @@ impl Observer {
             seen.pop_front();
         }
         // A late packet takes its loss back.
-        Traffic { received: now.received - before.received, lost: now.lost.saturating_sub(before.lost) }
+        Traffic {
+            received: now.received - before.received,
+            lost: now.lost.saturating_sub(before.lost),
+            damaged: now.damaged - before.damaged,
+        }
     }
 }
 
@@ -89,9 +96,10 @@ fn state(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
             let age = sensor.age_ns.unwrap_or_default() as f64 * 1e-9;
             ("stale", format!("{id} has sent nothing for {age:.1} s: check its cable and its power"))
         }
-        (SensorState::Fault, SensorKind::Kinect) => {
-            ("fault", format!("{id} sends the same frame again and again: unplug it and plug it in again"))
-        }
+        (SensorState::Fault, SensorKind::Kinect) => (
+            "fault",
+            format!("{id} is frozen, it sends the same frame again and again: unplug it and plug it in again"),
+        ),
         (SensorState::Fault, _) => (
             "fault",
             format!("{id} sends data that cannot be read: check lidar.{id}.model, or another sender on its port"),
@@ -101,14 +109,21 @@ fn state(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
 }
 
 fn loss(sensor: &SensorHealth, lately: Traffic, reasons: &mut Vec<Reason>) {
-    let (id, Traffic { received, lost }) = (&sensor.id, lately);
+    let (id, Traffic { received, lost, damaged }) = (&sensor.id, lately);
     let sent = received + lost;
+    if damaged as f64 > LOSS_SHARE * received as f64 {
+        let message = format!(
+            "{damaged} of {id}'s {received} frames of the last {LOSS_SECONDS} s lack USB packets, and are used without those \
+             pixels: give it a USB controller of its own, and its receiver time"
+        );
+        reasons.push(reason(sensor, "usb", message));
+    }
     if lost as f64 > LOSS_SHARE * sent as f64 {
         let share = 100.0 * lost as f64 / sent as f64;
         let here = sensor.lost.kernel + sensor.lost.queue;
         let place = if here > 0 { "on this machine too: give the receiver more buffer or time" } else { "on the way" };
-        let message =
-            format!("{lost} of {id}'s packets were lost in the last {LOSS_SECONDS} s ({share:.2} %), {place}");
+        let what = if sensor.kind == SensorKind::Kinect { "frames" } else { "packets" };
+        let message = format!("{lost} of {id}'s {what} were lost in the last {LOSS_SECONDS} s ({share:.2} %), {place}");
         reasons.push(reason(sensor, "loss", message));
     }
 }

@@ -94,6 +94,51 @@ fn a_frozen_camera_is_a_fault_and_gives_no_epochs() {
     assert_eq!(texts[1..], ["near is fault (was live)", "near is live (was fault)"]);
 }
 
+/// Frames that repeat the one numbered `from`, under stamps that go on.
+fn freeze(near: &mut [(i64, Body)], from: usize) {
+    let Body::DepthFrame { bytes: same, .. } = near[from].1.clone() else { panic!("a frame") };
+    for (_, body) in near.iter_mut().skip(from + 1) {
+        let Body::DepthFrame { bytes, .. } = body else { panic!("a frame") };
+        *bytes = same.clone();
+    }
+}
+
+#[test]
+fn a_frozen_camera_stays_a_fault_while_it_is_opened_anew_and_no_frame_of_it_is_used_until_one_is_new() {
+    let mut near = kinect(2 * S, Way::USB, 1);
+    freeze(&mut near, 29);
+    let (image, lost_at) = (near[29].1.clone(), near[59].0 + 10 * MS);
+    // Opened anew at 2.5 s it sends the same image from 3 s on, thirty times, then new ones.
+    let mut again = kinect(2 * S, Way { start_ns: 3 * S, ..Way::USB }, 2);
+    let (Body::DepthFrame { bytes: same, .. }, still) = (image, &mut again[..30]) else { panic!("a frame") };
+    for (_, body) in still {
+        let Body::DepthFrame { bytes, .. } = body else { panic!("a frame") };
+        *bytes = same.clone();
+    }
+    near.push((lost_at, state(KINECT, SourceState::Lost)));
+    near.push((2_500 * MS, state(KINECT, SourceState::Opened)));
+    near.extend(again);
+    let mut t = Vec::new();
+    let (_, out) = run_with(rig::kinect_only(), &ledger(&[near, ticks(6 * S)]), |epoch| t.push(epoch.t.0));
+    let texts: Vec<String> = changes(&out).into_iter().map(|(_, text)| text).collect();
+    assert_eq!(texts[1..], ["near is fault (was live)", "near is live (was fault)", "near is stale (was live)"]);
+    assert!(t.iter().all(|t| !(1_001 * MS..3_999 * MS).contains(t)), "{t:?}");
+}
+
+#[test]
+fn a_frozen_camera_that_does_not_come_back_is_absent_after_five_seconds() {
+    let mut near = kinect(2 * S, Way::USB, 1);
+    freeze(&mut near, 29);
+    let last = near[59].0;
+    near.push((last + 10 * MS, state(KINECT, SourceState::Lost)));
+    let (_, out) = run_with(rig::kinect_only(), &ledger(&[near, ticks(9 * S)]), |_| {});
+    let changes = changes(&out);
+    let (absent_ms, text) = changes.last().expect("it changed");
+    assert_eq!(text, "near is absent (was fault)");
+    // Judged each tenth of a second.
+    assert!((0..=100).contains(&(absent_ms - (last + 5 * S) / MS)), "{absent_ms}");
+}
+
 #[test]
 fn a_reopened_camera_whose_counter_begins_anew_loses_no_frame() {
     let mut near = kinect(2 * S, Way::USB, 1);
