@@ -9,7 +9,7 @@
 //! * `abi`: libusb's structures and numbers; `calls`: its functions;
 //! * `world`: all state, behind one lock; `kinect`: one device and what happens to it;
 //! * `camera`, `motor`: what they answer; `source`, `depth`, `packet`: what the camera sends; `isochronous`: how it arrives;
-//! * `clock`: how time passes; `chronicle`: the journal and the truth; `remote`: live control.
+//! * `clock`: how time passes; `chronicle`, `pen`: the journal and the truth, and how they are written; `remote`: live control.
 //!
 //! Time on the bus is counted in slots of 125 µs, each of which may carry one packet. Nothing runs between calls: every
 //! call first brings the bus to the present, slot by slot, so that what arrives never depends on when a thread woke.
@@ -25,6 +25,7 @@ mod isochronous;
 mod kinect;
 mod motor;
 mod packet;
+mod pen;
 mod remote;
 mod source;
 mod world;

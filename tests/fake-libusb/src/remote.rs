@@ -53,7 +53,9 @@ fn obey(line: &str) -> Result<String, String> {
     let world = guard.as_mut().ok_or("the host has not begun")?;
     if line == "status" {
         world.advance();
-        return Ok(world.status().to_string());
+        let status = world.status().to_string();
+        world.chronicle.flush();
+        return Ok(status);
     }
     let (device, fault) = fault_of_device(line)?;
     let frame = world.apply(device, &fault)?;

@@ -5,14 +5,18 @@ use std::io::{self, Read};
 use std::os::unix::fs::{FileExt, FileTypeExt};
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
 use fake_libusb_control::frames::{FRAME_HEADER, FRAME_TICKS, MAGIC, ticks_of};
 use fake_libusb_control::{Frame, FrameReader, Frames, PACKED_BYTES};
 
-/// Frames read ahead of the camera from a feed; the writer is held back by then.
+/// Frames read ahead of the camera; the writer of a feed is held back by then.
 const READ_AHEAD: usize = 2;
+/// From frame to frame in a file, bytes.
+const STEP: u64 = (FRAME_HEADER + PACKED_BYTES) as u64;
 
 /// A camera's frames.
 #[derive(Debug)]
@@ -71,14 +75,17 @@ impl Source {
     }
 }
 
-/// A file of frames, read one by one.
+/// A file of frames, read a little ahead by a thread of its own: the bus must not wait for a disk.
 #[derive(Debug)]
 pub(crate) struct FramesFile {
-    file: File,
     ticks: Vec<u32>,
     once: bool,
     follow: bool,
     next: u64,
+    /// Frames by their numbers, over all loops.
+    ahead: Receiver<io::Result<(u64, Vec<u8>)>>,
+    /// No frame before this one is asked for any more.
+    wanted: Arc<AtomicU64>,
 }
 
 impl FramesFile {
@@ -88,19 +95,22 @@ impl FramesFile {
         let mut magic = [0; MAGIC.len()];
         file.read_exact_at(&mut magic, 0).map_err(says)?;
         let length = file.metadata()?.len();
-        let step = (FRAME_HEADER + PACKED_BYTES) as u64;
         let payload = length - MAGIC.len() as u64;
-        if magic != MAGIC || payload == 0 || !payload.is_multiple_of(step) {
-            let found = format!("{length} bytes, expected `TUSBDEP1` and whole frames of {step} bytes");
+        if magic != MAGIC || payload == 0 || !payload.is_multiple_of(STEP) {
+            let found = format!("{length} bytes, expected `TUSBDEP1` and whole frames of {STEP} bytes");
             return Err(says(io::Error::new(io::ErrorKind::InvalidData, found)));
         }
         let mut ticks = Vec::new();
-        for frame in 0..payload / step {
+        for frame in 0..payload / STEP {
             let mut header = [0; FRAME_HEADER];
-            file.read_exact_at(&mut header, MAGIC.len() as u64 + frame * step).map_err(says)?;
+            file.read_exact_at(&mut header, MAGIC.len() as u64 + frame * STEP).map_err(says)?;
             ticks.push(ticks_of(&header).map_err(says)?);
         }
-        Ok(Self { file, ticks, once, follow, next: 0 })
+        let (to, ahead) = sync_channel(READ_AHEAD);
+        let wanted = Arc::new(AtomicU64::new(0));
+        let reading = Reading { file, count: payload / STEP, once, wanted: Arc::clone(&wanted), to };
+        thread::Builder::new().name("usb-frames".into()).spawn(move || reading.run())?;
+        Ok(Self { ticks, once, follow, next: 0, ahead, wanted })
     }
 
     fn is_over(&self) -> bool {
@@ -114,12 +124,18 @@ impl FramesFile {
         if self.is_over() {
             return Ok(None);
         }
-        let count = self.ticks.len() as u64;
-        let (loops, index) = (self.next / count, self.next % count);
+        let number = self.next;
         self.next += 1;
-        let offset = MAGIC.len() as u64 + index * (FRAME_HEADER + PACKED_BYTES) as u64 + FRAME_HEADER as u64;
-        bytes.resize(PACKED_BYTES, 0);
-        self.file.read_exact_at(bytes, offset)?;
+        self.wanted.store(number, Ordering::Relaxed);
+        *bytes = loop {
+            let read = self.ahead.recv().map_err(|_| io::Error::other("the file's reader has ended"))?;
+            match read? {
+                (found, frame) if found == number => break frame,
+                _ => {} // what a scene that goes on has left behind
+            }
+        };
+        let count = self.ticks.len() as u64;
+        let (loops, index) = (number / count, number % count);
         // The clock goes on over the loops: the first frame follows the last at the distance of the last two.
         let carried = self.period().wrapping_mul(loops as u32);
         Ok(self.ticks.get(index as usize).map(|ticks| ticks.wrapping_add(carried)))
@@ -132,6 +148,35 @@ impl FramesFile {
         };
         let (first, last) = (self.ticks.first().copied(), self.ticks.last().copied());
         last.unwrap_or_default().wrapping_sub(first.unwrap_or_default()).wrapping_add(step)
+    }
+}
+
+/// The reader of a file.
+struct Reading {
+    file: File,
+    count: u64,
+    once: bool,
+    wanted: Arc<AtomicU64>,
+    to: SyncSender<io::Result<(u64, Vec<u8>)>>,
+}
+
+impl Reading {
+    /// Reads on until nobody takes the frames any more, or none is left.
+    fn run(self) {
+        let mut number = 0;
+        loop {
+            number = self.wanted.load(Ordering::Relaxed).max(number);
+            if self.once && number >= self.count {
+                return;
+            }
+            let mut bytes = vec![0; PACKED_BYTES];
+            let offset = MAGIC.len() as u64 + number % self.count * STEP + FRAME_HEADER as u64;
+            let read = self.file.read_exact_at(&mut bytes, offset).map(|()| (number, bytes));
+            if self.to.send(read).is_err() {
+                return;
+            }
+            number += 1;
+        }
     }
 }
 
