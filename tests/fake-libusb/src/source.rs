@@ -128,7 +128,7 @@ impl FramesFile {
         self.next += 1;
         self.wanted.store(number, Ordering::Relaxed);
         *bytes = loop {
-            let read = self.ahead.recv().map_err(|_| io::Error::other("the file's reader has ended"))?;
+            let read = self.ahead.recv().map_err(io::Error::other)?;
             match read? {
                 (found, frame) if found == number => break frame,
                 _ => {} // what a scene that goes on has left behind

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
-use tumbled_freenect::{Abandoned, End, Frame, FrameSink, Kinect, KinectError, Library, Options, reset};
+use tumbled_freenect::{Abandoned, End, Frame, FrameSink, Kinect, KinectError, Library, Options, Priority, reset};
 use tumbled_kinect::{Freshness, FrozenDetector};
 use tumbled_model::{Body, LossPoint, SensorId};
 
@@ -175,6 +175,8 @@ fn found(config: &KinectUsbConfig, error: &KinectError) -> Vec<KinectHint> {
     let findings = kinect_findings(&config.root, config.options.serial.as_deref());
     let telling = |finding: &KinectFinding| match finding {
         KinectFinding::NoCamera { other_parts } => *other_parts,
+        // This program, while a thread of it hangs there; of another one the driver says so.
+        KinectFinding::InUse => false,
         _ => true,
     };
     findings.into_iter().filter(telling).map(KinectHint::Found).collect()
@@ -194,6 +196,9 @@ fn info(config: &KinectUsbConfig, kinect: &Kinect) -> SourceInfo {
     }
     let mut info = SourceInfo::new(config.sensor.clone(), Device::Kinect(device));
     info.warnings.extend(opened.posture_failed.map(|step| SourceWarning::KinectPosture { step }));
+    if !recorded && opened.priority != Priority::RealTime {
+        info.warnings.push(SourceWarning::KinectPriority { granted: opened.priority });
+    }
     info
 }
 
@@ -249,6 +254,25 @@ impl Delivery {
 }
 
 impl KinectSource {
+    /// Lets a sink have its frames while `watch` watches, then closes it; what it is.
+    pub(super) fn taken_by(
+        mut self,
+        sink: FrameSink,
+        watch: impl FnOnce(&mut Kinect) -> Result<(), KinectError>,
+    ) -> Result<SourceInfo, SourceError> {
+        self.kinect.start(sink);
+        let outcome = watch(&mut self.kinect);
+        let Self { kinect, info, config, .. } = self;
+        kinect.stop();
+        match outcome {
+            Ok(()) => Ok(info),
+            Err(error) => {
+                let hints = found(&config, &error);
+                Err(SourceError::Kinect { error, hints })
+            }
+        }
+    }
+
     /// Watches until the stream is over or told to stop.
     fn watch(&mut self, stop: &StopToken) -> Result<End, KinectError> {
         loop {

@@ -12,7 +12,7 @@
 //! * [`intake`]: a source's bounded way into the ledger, with its losses counted and posted; [`control`]: an operator's;
 //! * [`ledger`]: the thread that makes the one order; [`outlet`]: the bounded ways out of it;
 //! * [`clock`], [`arrival`]: the session's timeline and the kernel's stamps on it;
-//! * [`probe`]: listening for a moment, outside of any ledger;
+//! * [`probe`], `kinect_probe`: listening for a moment, outside of any ledger;
 //! * [`send`]: the other end, a UDP sender that keeps a recording's pace; [`pty`]: a serial port without a device;
 //! * [`stop`]: how every thread is told to end.
 //!
@@ -22,6 +22,8 @@ pub mod arrival;
 pub mod clock;
 pub mod control;
 pub mod intake;
+#[cfg(feature = "kinect-usb")]
+pub mod kinect_probe;
 #[cfg(feature = "kinect-usb")]
 pub mod kinect_usb;
 pub mod ledger;
@@ -40,6 +42,8 @@ pub use arrival::{Arrival, ArrivalClock};
 pub use clock::{HostClock, HostSample, SessionClock, SessionInstant, SystemClock};
 pub use control::{ControlError, ControlIntake};
 pub use intake::{Delivery, Intake, LedgerClosed, QueueBound};
+#[cfg(feature = "kinect-usb")]
+pub use kinect_probe::{KinectProbed, probe_kinect};
 #[cfg(feature = "kinect-usb")]
 pub use kinect_usb::{KinectHint, KinectOpener, KinectSource, KinectUsbConfig};
 pub use ledger::{Ledger, LedgerHandle, LedgerSummary, QueueFill};

@@ -114,6 +114,12 @@ pub enum SourceWarning {
         /// The step that failed.
         step: &'static str,
     },
+    /// The system did not grant real-time priority to the thread that receives a Kinect's packets.
+    #[cfg(feature = "kinect-usb")]
+    KinectPriority {
+        /// What it granted.
+        granted: tumbled_freenect::Priority,
+    },
 }
 
 impl fmt::Display for SourceWarning {
@@ -129,6 +135,13 @@ impl fmt::Display for SourceWarning {
                 f,
                 "{step} failed: on model 1473 and Kinect for Windows tilt, lamp and accelerometer need firmware for the \
                  microphones; depth does not"
+            ),
+            #[cfg(feature = "kinect-usb")]
+            Self::KinectPriority { granted } => write!(
+                f,
+                "the Kinect's thread has {granted} priority: frames lose packets when this machine is busy for 32 ms; allow \
+                 real time: LimitRTPRIO=20 in the service's unit, for a user a line `USER - rtprio 20` in \
+                 /etc/security/limits.d/tumbled.conf and a new log-in"
             ),
         }
     }

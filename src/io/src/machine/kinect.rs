@@ -49,6 +49,8 @@ pub enum KinectFinding {
     },
     /// The kernel's driver is loaded, and has no camera at the moment: it takes the next one that is plugged in.
     KernelDriverLoaded,
+    /// A program has the camera.
+    InUse,
     /// The port is too slow.
     SlowPort {
         /// What it gives, megabits a second.
@@ -62,45 +64,58 @@ impl KinectFinding {
     pub fn is_fatal(&self) -> bool {
         !matches!(self, Self::KernelDriver { .. } | Self::KernelDriverLoaded)
     }
+
+    /// What is so.
+    pub fn cause(&self) -> String {
+        match self {
+            Self::NoCamera { other_parts: false } => "no Kinect is on the USB".to_owned(),
+            Self::NoCamera { other_parts: true } => "parts of a Kinect are on the USB and its camera is not".to_owned(),
+            Self::NotThisSerial { serial, .. } => format!("no Kinect has the serial number `{serial}`"),
+            Self::Several { found } => format!("there are {} Kinects and none is named", found.len()),
+            Self::NotPermitted { node, .. } => format!("this user may not open {}", node.display()),
+            Self::KernelDriver { driver } => format!("the kernel's driver {driver} has the camera"),
+            Self::KernelDriverLoaded => {
+                format!("the kernel's driver {KERNEL_DRIVER} is loaded and may take the camera")
+            }
+            Self::InUse => "another program has the camera".to_owned(),
+            Self::SlowPort { mbit } => {
+                format!("the Kinect's port gives {mbit} Mbit/s of the {HIGH_SPEED_MBIT} it needs")
+            }
+        }
+    }
+
+    /// What to do about it.
+    pub fn remedy(&self) -> String {
+        let unload = |driver: &str| {
+            format!("`modprobe -r {driver}`, and for good a line `blacklist {driver}` in /etc/modprobe.d/kinect.conf")
+        };
+        match self {
+            Self::NoCamera { other_parts: false } => "plug it in, and its 12 V supply".to_owned(),
+            Self::NoCamera { other_parts: true } => "plug in its 12 V supply, then the USB anew".to_owned(),
+            Self::NotThisSerial { found, .. } => format!("there are: {}", found.join(", ")),
+            Self::Several { found } => format!("set the serial number of one: {}", found.join(", ")),
+            Self::NotPermitted { product, .. } => format!(
+                "put systemd/tumbled.udev.rules, or its line {}, into /etc/udev/rules.d/51-tumbled.rules, then \
+                 `udevadm control --reload` and plug the Kinect in anew (Debian's package libfreenect0.5 brings such a rule \
+                 for the Xbox 360's)",
+                udev_rule(product)
+            ),
+            Self::KernelDriver { driver } => unload(driver),
+            Self::KernelDriverLoaded => unload(KERNEL_DRIVER),
+            Self::InUse => "a running tumbled? `fuser -v /dev/bus/usb/*/*` shows it: end it".to_owned(),
+            Self::SlowPort { .. } => "use another port and cable, no hub".to_owned(),
+        }
+    }
+}
+
+/// The udev rule that lets everybody at this machine use a part of a Kinect: Microsoft's product of this id, e.g. `02ae`.
+pub fn udev_rule(product: &str) -> String {
+    format!("SUBSYSTEM==\"usb\", ATTR{{idVendor}}==\"045e\", ATTR{{idProduct}}==\"{product}\", MODE=\"0666\"")
 }
 
 impl fmt::Display for KinectFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoCamera { other_parts: false } => {
-                f.write_str("no Kinect is on the USB: plug it in, and its 12 V supply")
-            }
-            Self::NoCamera { other_parts: true } => f.write_str(
-                "parts of a Kinect are on the USB and its camera is not: plug in its 12 V supply, then the USB anew",
-            ),
-            Self::NotThisSerial { serial, found } => {
-                write!(f, "no Kinect has the serial number `{serial}`; there are: {}", found.join(", "))
-            }
-            Self::Several { found } => {
-                write!(f, "there are several Kinects: set the serial number of one: {}", found.join(", "))
-            }
-            Self::NotPermitted { node, product } => write!(
-                f,
-                "this user may not open {}: in /etc/udev/rules.d/51-kinect.rules set SUBSYSTEM==\"usb\", \
-                 ATTR{{idVendor}}==\"045e\", ATTR{{idProduct}}==\"{product}\", MODE=\"0666\", then `udevadm control --reload` \
-                 and plug the Kinect in anew (Debian's package libfreenect0.5 brings the rule for the Xbox 360's)",
-                node.display()
-            ),
-            Self::KernelDriver { driver } => write!(
-                f,
-                "the kernel's driver {driver} has the camera: `modprobe -r {driver}`, and for good a line `blacklist {driver}` \
-                 in /etc/modprobe.d/kinect.conf"
-            ),
-            Self::KernelDriverLoaded => write!(
-                f,
-                "the kernel's driver {KERNEL_DRIVER} is loaded and may take the camera: `modprobe -r {KERNEL_DRIVER}`, and for \
-                 good a line `blacklist {KERNEL_DRIVER}` in /etc/modprobe.d/kinect.conf"
-            ),
-            Self::SlowPort { mbit } => write!(
-                f,
-                "the Kinect's port gives {mbit} Mbit/s of the {HIGH_SPEED_MBIT} it needs: use another port and cable, no hub"
-            ),
-        }
+        write!(f, "{}: {}", self.cause(), self.remedy())
     }
 }
 
@@ -122,10 +137,9 @@ pub fn kinect_cameras(root: &Path, serial: Option<&str>) -> Vec<KinectUsb> {
 pub fn kinect_findings(root: &Path, serial: Option<&str>) -> Vec<KinectFinding> {
     let parts = kinects(root);
     let cameras = kinect_cameras(root, serial);
-    let loaded = root.join("sys/module").join(KERNEL_DRIVER).exists();
     match cameras.as_slice() {
         [] => vec![none_meant(&parts, serial)],
-        [camera] => of_camera(root, camera, loaded),
+        [camera] => camera_findings(root, camera),
         several => {
             let found = several.iter().filter_map(|camera| serial_of(camera, &parts)).collect();
             vec![KinectFinding::Several { found }]
@@ -144,7 +158,9 @@ fn none_meant(parts: &[KinectUsb], serial: Option<&str>) -> KinectFinding {
     }
 }
 
-fn of_camera(root: &Path, camera: &KinectUsb, driver_loaded: bool) -> Vec<KinectFinding> {
+/// What keeps this camera, as [`kinects`] lists it, from being read.
+pub fn camera_findings(root: &Path, camera: &KinectUsb) -> Vec<KinectFinding> {
+    let driver_loaded = root.join("sys/module").join(KERNEL_DRIVER).exists();
     let mut findings = Vec::new();
     if let Some(node) = camera.node.as_ref().filter(|node| !may_open(root, node)) {
         let product = camera.id.rsplit(':').next().unwrap_or_default().to_owned();
@@ -153,8 +169,9 @@ fn of_camera(root: &Path, camera: &KinectUsb, driver_loaded: bool) -> Vec<Kinect
     if let Some(mbit) = camera.speed_mbit.filter(|mbit| *mbit < HIGH_SPEED_MBIT) {
         findings.push(KinectFinding::SlowPort { mbit });
     }
-    // `usbfs` is how the kernel calls a program that has the interface.
-    match camera.driver.as_deref().filter(|driver| *driver != "usbfs") {
+    match camera.driver.as_deref() {
+        // `usbfs` is how the kernel calls a program that has the interface.
+        Some("usbfs") => findings.push(KinectFinding::InUse),
         Some(driver) => findings.push(KinectFinding::KernelDriver { driver: driver.to_owned() }),
         None if driver_loaded => findings.push(KinectFinding::KernelDriverLoaded),
         None => {}
@@ -256,10 +273,27 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_a_program_uses_has_no_kernel_driver() {
+    fn a_camera_that_a_program_uses_is_in_use_and_not_taken_by_the_kernel() {
         let root = Sysfs::new();
         root.camera("1-2.3", SERIAL, "010b");
+        root.module("gspca_kinect");
         root.driver("1-2.3", "usbfs");
-        assert_eq!(kinect_findings(root.path(), None), []);
+        assert_eq!(kinect_findings(root.path(), None), [KinectFinding::InUse]);
+        assert!(KinectFinding::InUse.is_fatal());
+    }
+
+    #[test]
+    fn each_finding_tells_its_remedy_after_its_cause() {
+        let finding = KinectFinding::SlowPort { mbit: 12 };
+        assert_eq!(finding.cause(), "the Kinect's port gives 12 Mbit/s of the 480 it needs");
+        assert_eq!(finding.to_string(), format!("{}: {}", finding.cause(), finding.remedy()));
+    }
+
+    #[test]
+    fn the_rule_that_is_named_stands_in_the_file_that_is_named() {
+        let file = include_str!("../../../../systemd/tumbled.udev.rules");
+        for camera in ["02ae", "02bf"] {
+            assert!(file.lines().any(|line| line == udev_rule(camera)), "{camera}");
+        }
     }
 }

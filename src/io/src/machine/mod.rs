@@ -11,6 +11,6 @@ mod sysfs;
 pub mod usb;
 
 pub use interfaces::{Interface, Network, interfaces};
-pub use kinect::{KinectFinding, kinect_cameras, kinect_findings};
+pub use kinect::{KinectFinding, camera_findings, kinect_cameras, kinect_findings, udev_rule};
 pub use serial::{SerialAccess, SerialPort, serial_access, serial_ports};
 pub use usb::{KinectModel, KinectPart, KinectUsb, kinects};
