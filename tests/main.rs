@@ -16,6 +16,10 @@ mod foreign_lidar;
 mod foxglove;
 mod golden;
 mod info_cli;
+#[cfg(feature = "kinect-usb")]
+mod kinect_doctor;
+#[cfg(feature = "kinect-usb")]
+mod kinect_live;
 mod live_losses;
 mod machine_cli;
 mod record_cli;
@@ -39,6 +43,8 @@ mod stream_limits;
 mod stream_protocol;
 mod stream_sockets;
 mod support;
+#[cfg(feature = "kinect-usb")]
+mod whole_rig;
 
 #[allow(dead_code, reason = "the driver's own tests use all of it")]
 #[path = "../drivers/velodyne/tests/support/synth.rs"]

@@ -9,7 +9,10 @@ use crate::support::daemon::{Daemon, packets, send};
 use crate::support::{Workbench, repository};
 
 fn recording(bench: &Workbench, more: &[&str]) -> Daemon {
-    Daemon::start(bench, &[&["record", "-o", "run.mcap", "--json", "--min-free", "0"], more].concat())
+    Daemon::start(
+        bench,
+        &[&["record", "-o", "run.mcap", "--json", "--min-free", "0", "--set", "kinect=[]"], more].concat(),
+    )
 }
 
 #[test]

@@ -13,7 +13,7 @@ use tumbled::config::UnixPath;
 use tumbled::simulation::live::shortfall::ShortfallReport;
 use tumbled::stream::{
     Class, HealthLine, Limits, QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth,
-    StepHealth, StreamConfig, StreamOrigin, StreamServer,
+    SourceHealth, StepHealth, StreamConfig, StreamOrigin, StreamServer,
 };
 use tumbled_core::ClockMode;
 use tumbled_core::clock::ClockState;
@@ -91,6 +91,7 @@ fn health() -> HealthLine {
         reasons: Vec::new(),
         uptime_s: 12.3,
         memory_bytes: Some(88_080_384),
+        sources: vec![SourceHealth { sensor: "near".to_owned(), opened: 0, cause: None }],
         queues: vec![QueueHealth {
             name: "front -> ledger".to_owned(),
             unit: QueueUnit::Items,

@@ -1,5 +1,6 @@
 //! A `tumbled` that runs until it is told to end, and the ports it chose.
 
+use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::process::{Child, ChildStderr, Command, Stdio};
@@ -36,8 +37,13 @@ pub(crate) struct Ended {
 impl Daemon {
     /// Starts it and waits until it receives.
     pub(crate) fn start(bench: &Workbench, arguments: &[&str]) -> Self {
+        Self::start_in(bench, &[], arguments)
+    }
+
+    /// The same with these variables in its environment.
+    pub(crate) fn start_in(bench: &Workbench, environment: &[(OsString, OsString)], arguments: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tumbled"));
-        command.current_dir(bench.path(".")).args(arguments);
+        command.current_dir(bench.path(".")).args(arguments).envs(environment.iter().cloned());
         command.args(["--set", "lidar.port=0", "--set", "lidar.position_port=0"]);
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
         let mut log = BufReader::new(child.stderr.take().expect("piped"));

@@ -7,6 +7,8 @@ pub(crate) mod real;
 pub(crate) mod replaying;
 pub(crate) mod rig;
 pub(crate) mod stream;
+#[cfg(feature = "kinect-usb")]
+pub(crate) mod usb;
 
 use std::fs;
 use std::path::{Path, PathBuf};

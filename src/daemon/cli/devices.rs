@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tumbled_io::machine::{self, Interface, KinectUsb, SerialPort};
+use tumbled_io::machine::{self, Interface, KinectFinding, KinectPart, KinectUsb, SerialPort, camera_findings};
 
 use super::{ConfigArgs, Failure, Outcome, output, quantity};
 use crate::decoding::listening::{HeardPort, HeardPorts, Listening, Sender};
@@ -66,6 +66,10 @@ pub struct KinectReport {
     pub id: String,
     /// Its serial number; null: it has none.
     pub serial: Option<String>,
+    /// Of a camera: the Kinect's model. Null of other parts.
+    pub model: Option<String>,
+    /// Of a camera: what keeps it from being read, and what to do about it.
+    pub troubles: Vec<String>,
 }
 
 /// A network interface.
@@ -130,9 +134,12 @@ fn report(root: &Path, heard: &HeardPorts) -> DevicesReport {
         warnings.push(format!("the network interfaces cannot be listed: {error}"));
         Vec::new()
     });
+    let found = machine::kinect_findings(root, None).into_iter();
+    let powerless = found.filter(|finding| matches!(finding, KinectFinding::NoCamera { other_parts: true }));
+    warnings.extend(powerless.map(|finding| finding.to_string()));
     DevicesReport {
         serial_ports: machine::serial_ports(root).iter().map(serial).collect(),
-        kinects: machine::kinects(root).iter().map(kinect).collect(),
+        kinects: machine::kinects(root).iter().map(|part| kinect(root, part)).collect(),
         interfaces: interfaces.iter().map(interface).collect(),
         lidars: heard.ports.iter().flat_map(|port| lidars(port, heard.time)).collect(),
         listened_s: heard.time.as_secs_f64(),
@@ -145,9 +152,12 @@ fn serial(port: &SerialPort) -> SerialReport {
     SerialReport { device: port.device.display().to_string(), stable: stable.collect() }
 }
 
-fn kinect(usb: &KinectUsb) -> KinectReport {
+fn kinect(root: &Path, usb: &KinectUsb) -> KinectReport {
     let (place, id, serial) = (usb.place.clone(), usb.id.clone(), usb.serial.clone());
-    KinectReport { place, part: usb.part.name().to_owned(), id, serial }
+    let model = usb.model().map(|model| model.name().to_owned());
+    let found = if usb.part == KinectPart::Camera { camera_findings(root, usb) } else { Vec::new() };
+    let troubles = found.iter().map(ToString::to_string).collect();
+    KinectReport { place, part: usb.part.name().to_owned(), id, serial, model, troubles }
 }
 
 fn interface(interface: &Interface) -> InterfaceReport {
@@ -187,11 +197,7 @@ fn text(report: &DevicesReport) -> String {
         names => format!("{}  {}", port.device, names.join("  ")),
     };
     block("serial ports", report.serial_ports.iter().map(serial).collect(), "none");
-    let kinect = |usb: &KinectReport| {
-        let serial = usb.serial.as_ref().map_or_else(String::new, |serial| format!(", serial {serial}"));
-        format!("{}: Kinect {} ({}){serial}", usb.place, usb.part, usb.id)
-    };
-    block("Kinects on the USB", report.kinects.iter().map(kinect).collect(), "none");
+    block("Kinects on the USB", report.kinects.iter().flat_map(kinect_lines).collect(), "none");
     let interface = |interface: &InterfaceReport| {
         let state = if interface.running { "" } else { ", not running" };
         let addresses =
@@ -205,6 +211,14 @@ fn text(report: &DevicesReport) -> String {
         text.push_str(&format!("! {warning}\n"));
     }
     text
+}
+
+/// The part, and below it what is wrong with it.
+fn kinect_lines(usb: &KinectReport) -> Vec<String> {
+    let serial = usb.serial.as_ref().map_or_else(String::new, |serial| format!(", serial {serial}"));
+    let model = usb.model.as_ref().map_or_else(String::new, |model| format!(", {model}"));
+    let line = format!("{}: Kinect {} ({}){model}{serial}", usb.place, usb.part, usb.id);
+    core::iter::once(line).chain(usb.troubles.iter().map(|trouble| format!("  ! {trouble}"))).collect()
 }
 
 fn lidar_line(lidar: &HeardLidar) -> String {

@@ -1,7 +1,7 @@
 //! `tumbled record`: the sensors' raw streams to a recording, as they come.
 //!
 //! ```text
-//!   config ─▶ UDP sources (threads rx-…) ─▶ ledger (thread) ─▶ recorder (thread), synced every 0.9 s
+//!   config ─▶ sources: UDP, USB (threads rx-…) ─▶ ledger (thread) ─▶ recorder (thread), synced every 0.9 s
 //!                 ▲ stop: signal, --duration, or the recorder itself (disk full)
 //! ```
 
@@ -19,9 +19,9 @@ use tumbled_model::Span;
 
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, output, quantity, signals};
-use crate::config::RecordConfig;
+use crate::config::{ConfigSource, RecordConfig};
 use crate::session::live::RecordingPart;
-use crate::session::{LiveSession, Rig, SessionEnd, SourceReport, live};
+use crate::session::{LiveSession, Rig, SessionEnd, SourceReport, kinects, live};
 
 /// How often the end is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -117,15 +117,18 @@ pub struct RecordReport {
 /// Records until told to stop.
 ///
 /// # Errors
-/// Exit code 2: a config without LiDARs, an output that is there. 1: a port that is taken, a file that cannot be written.
+/// Exit code 2: a config without sensors or with one that this build cannot read, an output that is there. 1: a port that is taken, a file that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let loaded = args.config.load()?;
-    let config = &loaded.config;
-    if config.lidars.is_empty() {
-        return Err(Failure::input("the config has no LiDAR: there is nothing to record"));
+    let mut loaded = args.config.load()?;
+    if loaded.source == ConfigSource::Default && kinects::refuse_unreadable(&loaded.config).is_err() {
+        // Nobody asked for it: the built-in rig has one.
+        tracing::warn!("this build reads no Kinect: the built-in config's is left out");
+        loaded.config.kinects.clear();
     }
-    if !config.kinects.is_empty() {
-        tracing::warn!("this build reads no Kinect: its frames are not recorded");
+    let config = &loaded.config;
+    kinects::refuse_unreadable(config)?;
+    if config.lidars.is_empty() && config.kinects.is_empty() {
+        return Err(Failure::input("the config has no sensor: there is nothing to record"));
     }
     let stop = signals::stop_token()?;
     let clock = SessionClock::start_on_system();
@@ -196,10 +199,13 @@ fn text(report: &RecordReport) -> String {
         };
         lost(source.lost_kernel, "lost in the kernel's buffer");
         lost(source.lost_queue, "lost in the queue");
+        lost(source.lost_usb, "lost on the USB");
         lost(source.other_source, "from other addresses left out");
         lost(source.oversized, "too large left out");
         text.push('\n');
-        if source.packets == 0 {
+        if let Some(cause) = &source.cause {
+            text.push_str(&format!("  it delivered nothing at the end: {cause}\n"));
+        } else if source.packets == 0 {
             text.push_str("  nothing came: is this machine the sensor's destination, and no firewall between?\n");
         }
         if let Some(error) = &source.error {

@@ -18,14 +18,14 @@ use tumbled_sim::scene::Scene;
 use super::record::RecorderArgs;
 use super::signals::{self, Signals};
 use super::{ConfigArgs, Failure, Outcome, output, render};
-use crate::config::{Loaded, show};
+use crate::config::{Config, Loaded, show};
 use crate::quantity;
 use crate::session::chain::rig_digest;
 use crate::session::live::{self, CorePart, RecordingPart};
 use crate::session::reload::{self, Change};
 use crate::session::serve::{About, Server};
 use crate::session::sources::SourcesEnd;
-use crate::session::{Checkpoint, Engine, LiveSession, Rig, SessionEnd, SourceReport, engine, setup};
+use crate::session::{Checkpoint, Engine, LiveSession, Rig, SessionEnd, SourceReport, engine, kinects, setup};
 use crate::simulation::live::SimulatedRig;
 use crate::simulation::live::shortfall::ShortfallReport;
 use crate::simulation::rig::operators;
@@ -147,7 +147,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             (Origin::Simulated, StreamOrigin::Simulated)
         }
         None => {
-            refuse_unreadable(&loaded)?;
+            kinects::refuse_unreadable(&loaded.config)?;
+            warn_of_the_turntable(&loaded.config);
             (Origin::Live, StreamOrigin::Live)
         }
     };
@@ -242,19 +243,10 @@ fn tell_simulated(args: &Args, rig: &SimulatedRig) {
 }
 
 /// What this program cannot measure with must not look as if it did.
-fn refuse_unreadable(loaded: &Loaded) -> Result<(), Failure> {
-    let config = &loaded.config;
-    if let Some(kinect) = config.kinects.first() {
-        return Err(Failure::input(format!(
-            "the config has the Kinect `{}`, and this program was built without kinect-usb: it cannot read one",
-            kinect.id
-        ))
-        .with_help("put `kinect = []` at the top of the config to run without"));
-    }
+fn warn_of_the_turntable(config: &Config) {
     if config.turntable.is_some() {
         tracing::warn!("this build does not read the turntable: its angle is not known");
     }
-    Ok(())
 }
 
 /// Until the end; whether it came by --duration.
@@ -319,7 +311,7 @@ fn report(about: &About<'_>, scene: Option<&Scene>, end: SessionEnd) -> Result<R
     let core = end.core.ok_or_else(|| Failure::failed("the session had no core"))?;
     let SourcesEnd { sources, shortfall, faults } = end.sources;
     let recording = end.recording.unwrap_or_default();
-    let lost_here: u64 = sources.iter().map(|source| source.lost_kernel + source.lost_queue).sum();
+    let lost_here: u64 = sources.iter().map(SourceReport::lost_here).sum();
     let not_recorded =
         recording.counters.lost_total() + recording.lost_at_stop + recording.after_stop + recording.unrecordable;
     let failed = sources.iter().any(|source| source.error.is_some());
@@ -373,6 +365,8 @@ fn text(report: &RunReport) -> String {
     for source in &report.sources {
         if let Some(error) = &source.error {
             text.push_str(&format!("  {} ended early: {error}\n", source.sensor));
+        } else if let Some(cause) = &source.cause {
+            text.push_str(&format!("  {} delivered nothing at the end: {cause}\n", source.sensor));
         }
     }
     if let Some(reason) = &report.recording_stopped {

@@ -135,7 +135,8 @@ impl LiveSession {
     /// Opens every source, begins the recording, then lets everything run: a port that is taken leaves no empty file.
     ///
     /// # Errors
-    /// Exit code 1: a port that cannot be had, a file that cannot be written, no threads. 2: a file that is there.
+    /// Exit code 1: a port that cannot be had, a file that cannot be written, no threads. 2: a file that is there, a Kinect
+    /// that this build cannot read.
     pub fn start(
         rig: Rig,
         config: &Config,
@@ -146,7 +147,7 @@ impl LiveSession {
     ) -> Result<Self, Failure> {
         let mut ledger = Ledger::live(clock.clone());
         let control = ledger.control();
-        let opened = sources::open(rig, config, &mut ledger, clock)?;
+        let opened = sources::open(rig, config, &mut ledger, clock, stop)?;
         let recorder = match recording {
             Some(RecordingPart { path, header, options }) => {
                 let recorder = import::create_with(&path, header, options)?;

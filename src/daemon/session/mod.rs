@@ -8,11 +8,13 @@
 //! * [`setup`]: from the config to what the core has to know;
 //! * [`engine`], [`chain`]: the core with its hash chain, the same for every command;
 //! * [`publish`], [`serve`], [`lines`]: what came out, as lines of the stream, the log and files;
-//! * [`live`], [`sources`]: a session on live sensors, started and ended in order; [`shell`], [`steps`]: its health;
+//! * [`live`], [`sources`], [`kinects`]: a session on live sensors, started and ended in order; `standing`: how each source
+//!   stands; [`shell`], [`steps`]: the session's health;
 //! * [`reload`]: what of a config may change meanwhile; [`pace`]: how fast a recording is played.
 
 pub mod chain;
 pub mod engine;
+pub mod kinects;
 pub mod lines;
 pub mod live;
 pub mod pace;
@@ -22,6 +24,7 @@ pub mod serve;
 pub mod setup;
 pub mod shell;
 pub mod sources;
+mod standing;
 pub mod steps;
 
 pub use chain::Checkpoint;

@@ -11,9 +11,11 @@ use tumbled_io::recording::thread::RecorderStatus as Status;
 use tumbled_io::recording::{FileSystem, RecorderState, StopReason, Storage};
 use tumbled_model::RigNs;
 
-use super::sources::RunningSources;
+use super::sources::{RunningSource, RunningSources};
 use crate::simulation::live::shortfall::ShortfallReport;
-use crate::stream::{QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth};
+use crate::stream::{
+    QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth, SourceHealth,
+};
 
 /// The newest facts: the main thread looks, the core's thread tells. Clones share them.
 #[derive(Clone, Debug, Default)]
@@ -58,8 +60,11 @@ pub(super) fn look(
         }
         SimulationHealth { scene: scene.name().to_owned(), left_out }
     });
+    let sources: Vec<SourceHealth> = sources.sources().iter().filter_map(RunningSource::health).collect();
+    reasons.extend(sources.iter().filter_map(without_data));
     ShellHealth {
         reasons,
+        sources,
         uptime_s: uptime.as_secs_f64(),
         memory_bytes: memory_bytes(),
         queues: queues.chain(outlets).collect(),
@@ -109,6 +114,12 @@ fn reasons(status: &Status) -> Vec<Reason> {
         reasons.push(reason("recording_incomplete", message));
     }
     reasons
+}
+
+/// The core says what a sensor lacks; why, only its source knows.
+fn without_data(source: &SourceHealth) -> Option<Reason> {
+    let (sensor, message) = (Some(source.sensor.clone()), source.cause.clone()?);
+    Some(Reason { level: Level::Degraded, sensor, key: "source".to_owned(), message })
 }
 
 fn too_slow(left_out: &ShortfallReport) -> Reason {

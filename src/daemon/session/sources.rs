@@ -10,16 +10,19 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_io::live::{
-    Backoff, Device, Intake, Ledger, Notice, Opener, QueueBound, SessionClock, Source, SourceCounters, SourceInfo,
-    StopToken, Supervised, UdpConfig, UdpInfo, UdpOpener, supervise,
+    Backoff, Device, Intake, Ledger, Opener, QueueBound, SessionClock, Source, SourceCounters, StopToken, Supervised,
+    UdpConfig, UdpInfo, UdpOpener, supervise,
 };
 use tumbled_model::SensorId;
 
+use super::kinects;
 use super::setup::TURNTABLE;
+use super::standing::Standing;
 use crate::cli::Failure;
-use crate::config::{Config, LidarConfig};
+use crate::config::{Config, KinectConfig, LidarConfig};
 use crate::simulation::live::shortfall::ShortfallReport;
 use crate::simulation::live::{DoneFaults, RunningScene, SimulatedRig, Way};
+use crate::stream::SourceHealth;
 
 /// Where a session's data come from.
 #[derive(Clone, Debug)]
@@ -57,8 +60,9 @@ pub struct SourcesEnd {
 
 /// A source that is open and not running yet.
 enum OpenedSource {
-    /// A LiDAR's sockets.
-    Udp { opener: UdpOpener, source: Box<dyn Source>, intake: Intake },
+    /// One with a thread of its own. `first`: it is open already, because an error of the first attempt is to be told at
+    /// once; without it, it is opened on that thread, and may be absent.
+    Supervised { opener: Box<dyn Opener>, first: Option<Box<dyn Source>>, intake: Intake, backoff: Backoff },
     /// A simulated sensor that is no LiDAR: the scene has its intake.
     OfScene { sensor: SensorId, counters: Arc<SourceCounters> },
 }
@@ -68,24 +72,48 @@ enum OpenedSource {
 pub struct RunningSource {
     sensor: String,
     counters: Arc<SourceCounters>,
+    standing: Standing,
     /// `None`: the scene's threads run it.
     supervised: Option<Supervised>,
 }
 
-/// Opens every source of the config: a port that is taken is told at once, before anything runs.
+/// Opens every source of the config: a port that is taken is told at once, before anything runs. A Kinect is opened on its
+/// own thread: one that is absent or does not answer holds up neither the start nor the stop.
 ///
 /// # Errors
-/// Exit code 2: two LiDARs on one port. 1: a port that cannot be had.
-pub fn open(rig: Rig, config: &Config, ledger: &mut Ledger, clock: &SessionClock) -> Result<OpenedSources, Failure> {
+/// Exit code 2: two LiDARs on one port, a Kinect that this build cannot read. 1: a port that cannot be had.
+pub fn open(
+    rig: Rig,
+    config: &Config,
+    ledger: &mut Ledger,
+    clock: &SessionClock,
+    stop: &StopToken,
+) -> Result<OpenedSources, Failure> {
     match rig {
         Rig::Devices => {
             refuse_shared_ports(&config.lidars)?;
-            let open = |lidar: &LidarConfig| open_udp(udp(lidar), ledger, clock).map(|(opened, _)| opened);
-            let sources = config.lidars.iter().map(open).collect::<Result<_, _>>()?;
+            let mut sources = Vec::new();
+            for lidar in &config.lidars {
+                sources.push(open_udp(udp(lidar), ledger, clock)?.0);
+            }
+            for kinect in &config.kinects {
+                sources.push(kinect_source(kinect, ledger, clock, stop)?);
+            }
             Ok(OpenedSources { sources, scene: None })
         }
         Rig::Simulated(scene) => open_simulated(scene, config, ledger, clock),
     }
+}
+
+fn kinect_source(
+    kinect: &KinectConfig,
+    ledger: &mut Ledger,
+    clock: &SessionClock,
+    stop: &StopToken,
+) -> Result<OpenedSource, Failure> {
+    let (opener, backoff) = kinects::opener(kinect, clock, stop)?;
+    let intake = ledger.intake(kinect.id.clone(), QueueBound::KINECT_FRAMES);
+    Ok(OpenedSource::Supervised { opener, first: None, intake, backoff })
 }
 
 fn open_udp(udp: UdpConfig, ledger: &mut Ledger, clock: &SessionClock) -> Result<(OpenedSource, Device), Failure> {
@@ -93,7 +121,8 @@ fn open_udp(udp: UdpConfig, ledger: &mut Ledger, clock: &SessionClock) -> Result
     let mut opener = UdpOpener::new(udp, clock.clone());
     let source = opener.open().map_err(Failure::failed)?;
     let device = source.describe().device;
-    Ok((OpenedSource::Udp { opener, source, intake }, device))
+    let (opener, first, backoff) = (Box::new(opener), Some(source), Backoff::default());
+    Ok((OpenedSource::Supervised { opener, first, intake, backoff }, device))
 }
 
 /// A way in for each sensor of the config. LiDARs get free ports of loopback, whatever the config says: a scene disturbs
@@ -173,16 +202,18 @@ impl RunningSources {
 impl OpenedSource {
     /// Lets it run, on a thread of its own, until the stop.
     fn start(self, clock: &SessionClock, stop: &StopToken) -> Result<RunningSource, Failure> {
-        let (opener, source, intake) = match self {
-            Self::Udp { opener, source, intake } => (opener, source, intake),
+        let standing = Standing::default();
+        let (opener, first, intake, backoff) = match self {
+            Self::Supervised { opener, first, intake, backoff } => (opener, first, intake, backoff),
             Self::OfScene { sensor, counters } => {
-                return Ok(RunningSource { sensor: sensor.to_string(), counters, supervised: None });
+                return Ok(RunningSource { sensor: sensor.to_string(), counters, standing, supervised: None });
             }
         };
         let (sensor, counters) = (opener.sensor().to_string(), intake.counters());
-        let (clock, stop, told) = (clock.clone(), stop.clone(), notice(&sensor));
-        let supervised = supervise(Box::new(opener), Some(source), intake, clock, stop, Backoff::default(), told);
-        Ok(RunningSource { sensor, counters, supervised: Some(supervised.map_err(Failure::failed)?) })
+        let (name, told) = (sensor.clone(), standing.clone());
+        let notice = move |notice| told.take(&name, notice);
+        let supervised = supervise(opener, first, intake, clock.clone(), stop.clone(), backoff, notice);
+        Ok(RunningSource { sensor, counters, standing, supervised: Some(supervised.map_err(Failure::failed)?) })
     }
 }
 
@@ -200,12 +231,25 @@ pub struct SourceReport {
     pub lost_kernel: u64,
     /// Lost because the ledger's queue was full.
     pub lost_queue: u64,
+    /// Frames of a Kinect that its stamps say were sent and that did not come whole enough to be used.
+    pub lost_usb: u64,
     /// Datagrams from other addresses than `lidar.source`; left out.
     pub other_source: u64,
     /// Datagrams larger than any sensor sends; left out.
     pub oversized: u64,
+    /// How often it was opened; 0: it was never there, or a scene's threads ran it.
+    pub opened: u64,
+    /// Why it delivered nothing any more when the session ended, and what to do; null: it did.
+    pub cause: Option<String>,
     /// Why it ended early; null: it did not.
     pub error: Option<String>,
+}
+
+impl SourceReport {
+    /// What was lost between the cable and the ledger.
+    pub fn lost_here(&self) -> u64 {
+        self.lost_kernel + self.lost_queue + self.lost_usb
+    }
 }
 
 impl RunningSource {
@@ -214,8 +258,17 @@ impl RunningSource {
         self.counters.snapshot().lost_queue
     }
 
+    /// How it stands; `None`: the scene's threads run it.
+    pub(super) fn health(&self) -> Option<SourceHealth> {
+        self.supervised.as_ref()?;
+        let stand = self.standing.now();
+        Some(SourceHealth { sensor: self.sensor.clone(), opened: stand.opened, cause: stand.cause })
+    }
+
     /// Waits for its end: tell it to stop first.
     fn join(self) -> SourceReport {
+        // Before the stop's own consequences.
+        let stand = self.standing.now();
         let error = self.supervised.and_then(|supervised| supervised.join().error);
         let counts = self.counters.snapshot();
         SourceReport {
@@ -224,8 +277,11 @@ impl RunningSource {
             bytes: counts.bytes,
             lost_kernel: counts.lost_kernel,
             lost_queue: counts.lost_queue,
+            lost_usb: counts.lost_usb,
             other_source: counts.other_source,
             oversized: counts.oversized,
+            opened: stand.opened,
+            cause: stand.cause,
             error: error.map(|error| error.to_string()),
         }
     }
@@ -237,30 +293,5 @@ fn udp(lidar: &LidarConfig) -> UdpConfig {
         position_port: Some(lidar.position_port),
         source: lidar.source,
         ..UdpConfig::new(lidar.id.clone())
-    }
-}
-
-/// Tells the log what happens to a source.
-fn notice(sensor: &str) -> impl FnMut(Notice) + Send + 'static {
-    let sensor = sensor.to_owned();
-    move |notice| match notice {
-        Notice::Opened(info) => opened(&sensor, &info),
-        Notice::Failed { error, retry_in } => {
-            tracing::warn!(%sensor, retry_in_ms = retry_in.as_millis() as u64, "{error}");
-        }
-        _ => {}
-    }
-}
-
-fn opened(sensor: &str, info: &SourceInfo) {
-    match &info.device {
-        Device::Udp(udp) => {
-            let position = udp.position.map_or_else(|| "none".to_owned(), |address| address.to_string());
-            tracing::info!(%sensor, data = %udp.data, %position, "receiving");
-        }
-        _ => tracing::info!(%sensor, "receiving"),
-    }
-    for warning in &info.warnings {
-        tracing::warn!(%sensor, "{warning}");
     }
 }

@@ -57,6 +57,9 @@ pub struct ShellHealth {
     pub uptime_s: f64,
     /// Memory of the process that is in RAM, bytes; null where the system does not say.
     pub memory_bytes: Option<u64>,
+    /// The sources of the config's devices, in the config's order; empty where nothing is read from devices.
+    #[serde(default)]
+    pub sources: Vec<SourceHealth>,
     /// The queues between the threads, in the order the data pass them.
     pub queues: Vec<QueueHealth>,
     /// Scans shed since the start because the core was behind. They are recorded all the same.
@@ -77,6 +80,17 @@ impl ShellHealth {
     pub fn level(&self) -> Level {
         self.reasons.iter().map(|reason| reason.level).max().unwrap_or_default()
     }
+}
+
+/// What reads a device.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct SourceHealth {
+    /// Whose device.
+    pub sensor: String,
+    /// How often it was opened since the start.
+    pub opened: u64,
+    /// Why it delivers nothing, and what to do; null: it is open, or being opened for the first time.
+    pub cause: Option<String>,
 }
 
 /// A queue between two threads.

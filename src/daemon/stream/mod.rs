@@ -36,8 +36,8 @@ pub use cloud::{CloudKind, CloudLine, CloudView};
 pub use event::EventLine;
 pub use frame::Sent;
 pub use health::{
-    HealthLine, QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth, StepHealth,
-    StreamHealth,
+    HealthLine, QueueHealth, QueueUnit, RecorderHealth, RecorderStatus, ShellHealth, SimulationHealth, SourceHealth,
+    StepHealth, StreamHealth,
 };
 pub use hello::{ErrorLine, Hello, StreamOrigin};
 pub use hub::{ClientTotals, Publisher};

@@ -1,14 +1,14 @@
-//! The machine around the sensors: buffers, disk, clock, Kinects, turntable.
+//! The machine around the sensors: buffers, disk, clock, turntable.
 
 use std::path::Path;
 
 use tumbled_io::live::ReceiveBuffer;
 use tumbled_io::live::udp::SMALL_RECEIVE_BUFFER_BYTES;
-use tumbled_io::machine::{KinectPart, KinectUsb, SerialAccess, serial_access};
+use tumbled_io::machine::{SerialAccess, serial_access};
 use tumbled_io::recording::{FileSystem, Storage};
 
 use super::report::Finding;
-use crate::config::{Config, KinectConfig, TurntableConfig};
+use crate::config::{Config, TurntableConfig};
 
 /// What a VLP-32C and a Kinect make a recording grow by a second: 20 MB of packets and unpacked frames, which lz4 brings
 /// to 9 MB (measured over 10 s).
@@ -83,19 +83,6 @@ pub(super) fn wall_clock(root: &Path) -> Finding {
     }
     let message = "systemd-timesyncd does not run: whether the wall clock is synchronised cannot be told";
     Finding::warn(CHECK, message, "`timedatectl` or `chronyc tracking` tells it; times of recordings rest on it")
-}
-
-/// A Kinect of the config: this build cannot read it.
-pub(super) fn kinect(kinect: &KinectConfig, plugged_in: &[KinectUsb]) -> Finding {
-    let cameras: Vec<&KinectUsb> = plugged_in.iter().filter(|usb| usb.part == KinectPart::Camera).collect();
-    let there = match cameras.as_slice() {
-        [] => "no camera is plugged in".to_owned(),
-        [one] => format!("a camera is plugged in at {}", one.place),
-        several => format!("{} cameras are plugged in", several.len()),
-    };
-    let message = format!("this build has no kinect-usb: its frames are not read from the device ({there})");
-    let remedy = "import recorded frames, or leave Kinects out of the config: kinect = []";
-    Finding::warn("kinect", message, remedy).of(&kinect.id)
 }
 
 /// The turntable's serial port.

@@ -2,11 +2,13 @@
 //!
 //! ```text
 //!            ┌▶ lidar:     ports, who speaks on them ─────────────┐
-//!   config ──┼▶ machine:   buffer, disk, clock, Kinects, turntable ┼─▶ findings ─▶ text │ JSON, exit 0 or 3
+//!   config ──┼▶ kinect:    USB, permissions, two seconds of frames ┼─▶ findings ─▶ text │ JSON, exit 0 or 3
+//!            ├▶ machine:   buffer, disk, clock, turntable ────────┤
 //!            └▶ listeners: where the state is told ───────────────┘
 //! ```
-//! Nothing is changed, and no device is opened but the ports that a session would open.
+//! Nothing is changed, and nothing is opened but the ports that a session would open and a Kinect that nobody uses.
 
+mod kinect;
 mod lidar;
 mod listeners;
 mod machine;
@@ -16,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use tumbled_io::live::UdpProbe;
-use tumbled_io::machine::{interfaces, kinects};
+use tumbled_io::machine::interfaces;
 
 use super::config::check::summary;
 use super::{ConfigArgs, Failure, Outcome, output, quantity};
@@ -96,8 +98,7 @@ fn examine(args: &Args, loaded: &Loaded) -> Result<Vec<Finding>, Failure> {
 
 /// What is looked for in files and sockets; system files below `root`.
 fn around(config: &Config, folder: &Path, root: &Path) -> Vec<Finding> {
-    let plugged_in = kinects(root);
-    let mut findings: Vec<Finding> = config.kinects.iter().map(|kinect| machine::kinect(kinect, &plugged_in)).collect();
+    let mut findings: Vec<Finding> = config.kinects.iter().flat_map(|kinect| kinect::check(kinect, root)).collect();
     findings.extend(config.turntable.as_ref().map(machine::turntable));
     findings.push(machine::disk(config, folder));
     findings.push(machine::wall_clock(root));

@@ -171,6 +171,11 @@ impl RunningScene {
         &self.shortfall
     }
 
+    /// The port on which the scene's turntable answers; `None`: it has none.
+    pub fn stage(&self) -> Option<&std::path::Path> {
+        self.stage.as_ref().map(EmulatedStage::path)
+    }
+
     /// The scene's name.
     pub fn name(&self) -> &str {
         &self.name
