@@ -38,6 +38,7 @@ fn health() -> HealthLine {
         age_ns: Some(2_000_000),
         lost: LossHealth { total: 5, by_stamps: 5, kernel: 3, ..LossHealth::default() },
         malformed: [("length".to_owned(), 2)].into(),
+        malformed_first: [("length".to_owned(), "a data packet has 1206 bytes, this payload has 7".to_owned())].into(),
         duplicates: 0,
         reordered: 0,
         points: PointHealth::default(),
@@ -71,6 +72,7 @@ fn health() -> HealthLine {
         age_ns: None,
         lost: LossHealth::default(),
         malformed: [].into(),
+        malformed_first: [].into(),
         clock: None,
         lidar: None,
         ..front.clone()

@@ -10,7 +10,7 @@ use core::ops::Range;
 use std::collections::BTreeMap;
 use tumbled_model::{LidarTime, RigNs};
 
-/// Why a payload gave no points.
+/// Why a payload could not be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 #[non_exhaustive]
 pub enum Rejection {
@@ -41,6 +41,79 @@ pub enum Rejection {
         "HDL-64E packets without a calibration: give lidar.calibration (S2 and S3 also send it within 4160 packets)"
     )]
     Uncalibrated,
+}
+
+impl Rejection {
+    /// What is wrong, without the values found.
+    pub const fn kind(&self) -> RejectionKind {
+        match self {
+            Self::Wire(WireError::Length { .. }) => RejectionKind::Length,
+            Self::Wire(WireError::Flag { .. }) => RejectionKind::BlockFlag,
+            Self::Wire(WireError::Azimuth { .. }) => RejectionKind::Azimuth,
+            Self::Wire(WireError::Sentence { .. }) => RejectionKind::Sentence,
+            Self::UnsupportedProduct(_) => RejectionKind::UnsupportedProduct,
+            Self::UnknownProduct(_) => RejectionKind::UnknownProduct,
+            Self::OtherModel { .. } => RejectionKind::OtherModel,
+            Self::ReturnMode(_) => RejectionKind::ReturnMode,
+            Self::Uncalibrated => RejectionKind::Uncalibrated,
+        }
+    }
+}
+
+/// What is wrong with payloads that gave no points: few words, whatever comes, so that counts by them stay small.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum RejectionKind {
+    /// Neither a data nor a position packet by its length.
+    Length,
+    /// A block that starts with no block flag.
+    BlockFlag,
+    /// An azimuth beyond one turn.
+    Azimuth,
+    /// A position packet whose sentence is no text.
+    Sentence,
+    /// A Velodyne product that is not decoded.
+    UnsupportedProduct,
+    /// A product byte nobody here knows.
+    UnknownProduct,
+    /// Another model than this stream's.
+    OtherModel,
+    /// A byte that names no return mode.
+    ReturnMode,
+    /// HDL-64E packets before any calibration is known.
+    Uncalibrated,
+}
+
+impl RejectionKind {
+    /// The word in health and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Length => "length",
+            Self::BlockFlag => "block_flag",
+            Self::Azimuth => "azimuth",
+            Self::Sentence => "sentence",
+            Self::UnsupportedProduct => "unsupported_product",
+            Self::UnknownProduct => "unknown_product",
+            Self::OtherModel => "other_model",
+            Self::ReturnMode => "return_mode",
+            Self::Uncalibrated => "uncalibrated",
+        }
+    }
+}
+
+impl core::fmt::Display for RejectionKind {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Payloads refused for one kind of reason.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// How many.
+    pub count: u64,
+    /// Why the first of them was, with the values found in it.
+    pub first: Rejection,
 }
 
 /// One decoded data packet.
@@ -95,12 +168,24 @@ pub struct StreamCounts {
     pub data_packets: u64,
     /// Position packets read.
     pub position_packets: u64,
-    /// Payloads that gave nothing, by reason.
-    pub rejected: BTreeMap<Rejection, u64>,
+    /// Payloads that gave nothing, by what was wrong.
+    pub rejected: BTreeMap<RejectionKind, Refused>,
     /// Points decoded.
     pub points: u64,
     /// Points left out by the range limits.
     pub out_of_range: u64,
     /// Packets by return mode.
     pub modes: BTreeMap<ReturnMode, u64>,
+}
+
+impl StreamCounts {
+    /// Payloads that gave nothing, for whatever reason.
+    pub fn refused(&self) -> u64 {
+        self.rejected.values().map(|refused| refused.count).sum()
+    }
+
+    pub(crate) fn reject(&mut self, rejection: Rejection) {
+        let fresh = Refused { count: 0, first: rejection };
+        self.rejected.entry(rejection.kind()).or_insert(fresh).count += 1;
+    }
 }

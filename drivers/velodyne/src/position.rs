@@ -10,9 +10,13 @@
 //!
 //! Source: VLS-128 manual's table; offsets of stamp, PPS and sentence checked on real captures of two models.
 
-use crate::wire::POSITION_LEN;
+use crate::wire::{POSITION_LEN, WireError};
 use serde::{Deserialize, Serialize};
 use tumbled_model::{LidarTime, nmea};
+
+/// Where the sentence stands, and its room, bytes.
+const SENTENCE: usize = 0xCE;
+const SENTENCE_LEN: usize = 128;
 
 /// What the sensor says about the pulse-per-second input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -83,16 +87,26 @@ pub struct PositionPacket {
 }
 
 impl PositionPacket {
-    /// Reads a payload; `None` when it does not have 512 bytes.
-    pub fn parse(payload: &[u8]) -> Option<Self> {
-        let payload: &[u8; POSITION_LEN] = payload.try_into().ok()?;
+    /// Reads a payload.
+    ///
+    /// # Errors
+    /// [`WireError::Length`] when it does not have 512 bytes; [`WireError::Sentence`] when there is no text where the
+    /// sentence stands: any 512 bytes on the port would else speak of pulse and time.
+    pub fn parse(payload: &[u8]) -> Result<Self, WireError> {
+        let wrong = WireError::Length { got: payload.len() };
+        let payload: &[u8; POSITION_LEN] = payload.try_into().map_err(|_length| wrong)?;
+        let sentence = payload.get(SENTENCE..SENTENCE + SENTENCE_LEN).unwrap_or_default();
+        let is_text = |byte: u8| matches!(byte, 0 | b'\r' | b'\n' | b' '..=b'~');
+        if let Some((at, found)) = sentence.iter().enumerate().find(|(_, byte)| !is_text(**byte)) {
+            return Err(WireError::Sentence { offset: (SENTENCE + at) as u16, found: *found });
+        }
         let byte = |offset: usize| payload.get(offset).copied().unwrap_or(0);
         let stamp = u32::from_le_bytes([byte(0xC6), byte(0xC7), byte(0xC8), byte(0xC9)]);
         let (top, bottom) = (byte(0xBB).cast_signed(), byte(0xBC).cast_signed());
-        Some(Self {
+        Ok(Self {
             stamp: LidarTime(stamp),
             pps: Pps::from_byte(byte(0xCA)),
-            rmc: nmea::parse_rmc(payload.get(0xCE..0xCE + 128).unwrap_or_default()),
+            rmc: nmea::parse_rmc(sentence),
             temperature_c: (top != 0 || bottom != 0).then_some((top, bottom)),
             thermal_shutdown: byte(0xCB) != 0,
         })
@@ -120,7 +134,9 @@ mod tests {
         assert_eq!(packet.temperature_c, Some((61, -5)));
         let rmc = packet.rmc.expect("checksum is right");
         assert_eq!(CivilTime::from_unix(rmc.utc).to_string(), "2026-11-22T04:22:21.000000000Z");
-        assert!(PositionPacket::parse(&payload[..511]).is_none());
+        assert_eq!(PositionPacket::parse(&payload[..511]), Err(WireError::Length { got: 511 }));
+        payload[0xCE + 127] = 0xEE;
+        assert_eq!(PositionPacket::parse(&payload), Err(WireError::Sentence { offset: 0x14D, found: 0xEE }));
     }
 
     #[test]
@@ -131,8 +147,15 @@ mod tests {
 
     proptest! {
         #[test]
-        fn arbitrary_bytes_are_read(bytes in prop::collection::vec(any::<u8>(), 500..520)) {
-            prop_assert_eq!(PositionPacket::parse(&bytes).is_some(), bytes.len() == POSITION_LEN);
+        fn arbitrary_bytes_around_text_are_read(
+            bytes in prop::collection::vec(any::<u8>(), 500..520), text in prop::collection::vec(b' '..=b'~', 128),
+        ) {
+            let refused = PositionPacket::parse(&bytes).is_err();
+            // 128 random bytes are text once in (256 / 98)^128 = 10^53 times.
+            prop_assert!(refused);
+            let mut bytes = bytes;
+            bytes.get_mut(0xCE..0xCE + 128).expect("500 bytes").copy_from_slice(&text);
+            prop_assert_eq!(PositionPacket::parse(&bytes).is_ok(), bytes.len() == POSITION_LEN);
         }
     }
 }

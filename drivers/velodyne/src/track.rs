@@ -28,6 +28,9 @@ const MAX_SILENCE_NS: i64 = 183 * 24 * HOUR_NS;
 const MAX_ANGLE_ERROR_CDEG: f64 = 600.0;
 /// Packets in a row that are neither new, nor repeated, nor out of a gap: the counter was set back.
 const SET_BACK_RUN: u32 = 3;
+/// Packets in a row that fit each other and nothing before them: the counter was set. One stamp alone is broken, or of
+/// another sender.
+const DOUBT_RUN: u32 = 3;
 
 /// A silence between packets is at least this wide before it can be taken for the view's limit.
 const MIN_SILENCE_CDEG: i32 = 500;
@@ -53,6 +56,8 @@ pub struct StreamTotals {
     pub duplicates: u64,
     /// Packets that came after a later one.
     pub late: u64,
+    /// Packets whose stamps fitted nothing before them: broken, forged, or the first of a counter that was set anew.
+    pub doubtful: u64,
     /// Times the counter was set anew.
     pub resets: u64,
     /// Silences of a limited field of view.
@@ -71,7 +76,10 @@ pub enum Order {
     Duplicate,
     /// Older than the newest one seen.
     Late,
-    /// The counter was set anew before this packet; what was lost in between cannot be known.
+    /// Its stamp fits nothing before it: broken, forged, or the first of a counter that was set anew.
+    Doubtful,
+    /// The counter was set anew just before this packet or the doubtful ones that it agrees with; what was lost there
+    /// cannot be known.
     Reset,
 }
 
@@ -97,6 +105,8 @@ pub struct PacketTracker {
     missing: [Option<(LidarTime, LidarTime)>; RECENT],
     /// Packets on end that look late without a gap they could be from.
     set_back: u32,
+    /// The newest doubtful packet, and how many on end agree with each other.
+    doubt: Option<(Last, u32)>,
     totals: StreamTotals,
 }
 
@@ -144,10 +154,15 @@ impl PacketTracker {
             }
         } else if let Some(span_ns) = span_ns.filter(|span| self.is_continuous(&last, &now, *span)) {
             self.set_back = 0;
+            self.doubt = None;
             return self.newer(&last, now, span_ns);
+        } else if self.is_doubtful(now) {
+            self.totals.doubtful += 1;
+            return Observation { order: Order::Doubtful, previous_pause_ns: None };
         }
         self.totals.resets += 1;
         self.set_back = 0;
+        self.doubt = None;
         self.missing = [None; RECENT];
         self.speed.interrupt();
         self.last = Some(now);
@@ -199,6 +214,17 @@ impl PacketTracker {
         }
         self.totals.late += 1;
         Some(Order::Late)
+    }
+
+    /// Whether a packet that fits nothing before it stands alone; the last of some that agree does not.
+    fn is_doubtful(&mut self, now: Last) -> bool {
+        let follows = |doubt: &Last| {
+            let span_ns = elapsed(doubt, now.stamp, now.arrived).filter(|span| *span > 0);
+            span_ns.is_some_and(|span_ns| self.is_continuous(doubt, &now, span_ns))
+        };
+        let run = self.doubt.filter(|(doubt, _)| follows(doubt)).map_or(1, |(_, run)| run + 1);
+        self.doubt = Some((now, run));
+        run < DOUBT_RUN
     }
 
     /// Whether a newer packet belongs to the same run of the counter.

@@ -33,7 +33,7 @@ pub const FLAG_UPPER: u16 = 0xEEFF;
 /// Block flag of an HDL-64E's lower lasers 32..64 (bytes FF DD); a VLS-128 uses it too.
 pub const FLAG_LOWER: u16 = 0xDDFF;
 
-/// Why a payload is not a data packet of a sensor we know.
+/// Why a payload is not a packet of a sensor we know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 #[non_exhaustive]
 pub enum WireError {
@@ -58,6 +58,14 @@ pub enum WireError {
         block: u8,
         /// The azimuth found, 0.01°.
         found: u16,
+    },
+    /// A position packet whose sentence has bytes that no text has: it is somebody else's payload.
+    #[error("byte {offset:#05x} of a position packet is {found:#04x}; text, CR, LF or padding with 0 expected")]
+    Sentence {
+        /// Where, bytes from the payload's start.
+        offset: u16,
+        /// The byte found.
+        found: u8,
     },
 }
 

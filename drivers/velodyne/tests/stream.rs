@@ -7,7 +7,7 @@ use support::streams::{far, run};
 use support::synth::Sensor;
 use tumbled_model::{LidarTime, RigNs};
 use tumbled_velodyne::encode::DataPacketBuilder;
-use tumbled_velodyne::stream::{Decoded, Rejection, Settings, StreamDecoder};
+use tumbled_velodyne::stream::{Decoded, Refused, Rejection, Settings, StreamDecoder};
 use tumbled_velodyne::{Model, ReturnMode, WireError};
 
 #[test]
@@ -53,7 +53,7 @@ fn products_that_are_not_decoded_are_refused_by_name() {
         build(&mut bytes);
         let mut decoder = StreamDecoder::new(Settings::default());
         decoder.push(&bytes, RigNs(0), &mut Decoded::default());
-        decoder.counts().rejected.keys().next().map(ToString::to_string).unwrap_or_default()
+        decoder.counts().rejected.values().next().map(|refused| refused.first.to_string()).unwrap_or_default()
     };
     assert!(verdict(&|b| b[1205] = 0xA1).contains("VLS-128"));
     // A VLS-128's four banks, whatever the byte says.
@@ -71,7 +71,7 @@ fn a_second_sensor_on_the_port_is_counted_and_not_mixed_in() {
     let (decoder, out) = run(&packets, Settings::default());
     assert_eq!(out.packets.len(), 10);
     let other = Rejection::OtherModel { expected: Model::Vlp16, found: Model::Vlp32c };
-    assert_eq!(decoder.counts().rejected.get(&other), Some(&1));
+    assert_eq!(decoder.counts().rejected.get(&other.kind()), Some(&Refused { count: 1, first: other }));
 }
 
 #[test]
@@ -148,14 +148,25 @@ fn range_limits_leave_out_and_count() {
 }
 
 #[test]
-fn wrong_lengths_are_counted_by_length() {
+fn payloads_are_counted_by_what_is_wrong_and_the_first_of_each_kind_is_kept() {
     let mut decoder = StreamDecoder::new(Settings::default());
     let mut out = Decoded::default();
     for len in [0, 1205, 1207, 1205] {
         decoder.push(&vec![0; len], RigNs(0), &mut out);
     }
-    assert_eq!(decoder.counts().rejected.get(&Rejection::Wire(WireError::Length { got: 1205 })), Some(&2));
-    assert_eq!(decoder.counts().rejected.len(), 3);
+    for flag in 0..=u8::MAX {
+        decoder.push(&[flag; 1206], RigNs(0), &mut out);
+    }
+    decoder.push(&[0xFF; 512], RigNs(0), &mut out);
+    let refused: Vec<(&str, u64, Rejection)> =
+        decoder.counts().rejected.iter().map(|(kind, refused)| (kind.name(), refused.count, refused.first)).collect();
+    let expected = [
+        ("length", 4, WireError::Length { got: 0 }),
+        ("block_flag", 256, WireError::Flag { block: 0, found: 0 }),
+        ("sentence", 1, WireError::Sentence { offset: 0xCE, found: 0xFF }),
+    ];
+    assert_eq!(refused, expected.map(|(kind, count, first)| (kind, count, Rejection::Wire(first))));
+    assert_eq!(decoder.counts().refused(), 4 + 256 + 1);
 }
 
 proptest! {
@@ -171,8 +182,7 @@ proptest! {
             decoder.push(payload, RigNs(0), &mut out);
         }
         let counts = decoder.counts();
-        let rejected: u64 = counts.rejected.values().sum();
-        prop_assert_eq!(counts.data_packets + counts.position_packets + rejected, payloads.len() as u64);
+        prop_assert_eq!(counts.data_packets + counts.position_packets + counts.refused(), payloads.len() as u64);
     }
 
     /// Right flags, everything else arbitrary: azimuths, stamps and distances that no sensor would send.

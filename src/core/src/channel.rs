@@ -231,6 +231,7 @@ fn serial_health(id: &SensorId, vitals: &Vitals, t: RigNs) -> SensorHealth {
         age_ns: age_ns(t, vitals.newest),
         lost: vitals.lost.summed(),
         malformed: BTreeMap::new(),
+        malformed_first: BTreeMap::new(),
         duplicates: 0,
         reordered: 0,
         points: PointHealth::default(),

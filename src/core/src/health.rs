@@ -124,8 +124,10 @@ pub struct SensorHealth {
     pub age_ns: Option<i64>,
     /// What was lost.
     pub lost: LossHealth,
-    /// Data that could not be read, by reason.
+    /// Data that could not be read, by what is wrong with them: `length`, `block_flag`, … A few words whatever comes.
     pub malformed: BTreeMap<String, u64>,
+    /// By the same words: what exactly was wrong with the first of them.
+    pub malformed_first: BTreeMap<String, String>,
     /// Data that came twice; used once.
     pub duplicates: u64,
     /// Data that came after later ones.

@@ -56,6 +56,8 @@ pub(crate) struct KinectChannel {
     kinect: KinectHealth,
     reordered: u64,
     refused_before: u64,
+    /// Why the first frame of each kind was refused.
+    refused_first: BTreeMap<&'static str, String>,
     remarks: Vec<Remark>,
 }
 
@@ -82,6 +84,7 @@ impl KinectChannel {
             kinect: KinectHealth::default(),
             reordered: 0,
             refused_before: 0,
+            refused_first: BTreeMap::new(),
             remarks: Vec::new(),
         }
     }
@@ -118,7 +121,7 @@ impl KinectChannel {
         self.counts.add(&outcome);
         let loss = match outcome {
             Ok(loss) => loss,
-            Err(error) => return self.notice_refusal(&error.to_string()),
+            Err(error) => return self.notice_refusal(frame.encoding, &error.to_string()),
         };
         let mut scan = self.spare.pop().unwrap_or_default();
         scan.loss = loss;
@@ -174,9 +177,9 @@ impl KinectChannel {
     /// Its health at `t`, given everything that arrived before.
     pub(crate) fn health(&self, t: RigNs) -> SensorHealth {
         let counts = [
-            ("packed 11-bit frame of another length", self.counts.wrong_length_packed11),
-            ("raw 11-bit frame of another length", self.counts.wrong_length_raw11),
-            ("frame in mm of another length", self.counts.wrong_length_mm16),
+            (length_of(DepthEncoding::Packed11), self.counts.wrong_length_packed11),
+            (length_of(DepthEncoding::Raw11), self.counts.wrong_length_raw11),
+            (length_of(DepthEncoding::Mm16), self.counts.wrong_length_mm16),
         ];
         let malformed = counts.into_iter().filter(|(_, n)| *n > 0).map(|(name, n)| (name.to_owned(), n));
         let timed = self.clock_began;
@@ -190,6 +193,7 @@ impl KinectChannel {
             age_ns: age_ns(t, self.vitals.newest),
             lost: self.vitals.lost.summed(),
             malformed: malformed.collect::<BTreeMap<_, _>>(),
+            malformed_first: self.refused_first.iter().map(|(kind, why)| ((*kind).to_owned(), why.clone())).collect(),
             duplicates: self.kinect.repeated,
             reordered: self.reordered,
             points: self.points,
@@ -233,10 +237,20 @@ impl KinectChannel {
     }
 
     /// Tells of the first frame in a second that could not be read.
-    fn notice_refusal(&mut self, error: &str) {
+    fn notice_refusal(&mut self, encoding: DepthEncoding, error: &str) {
+        self.refused_first.entry(length_of(encoding)).or_insert_with(|| error.to_owned());
         if self.counts.refused() == self.refused_before + 1 {
             let message = format!("{}: a frame could not be read: {error}", self.id);
             self.remarks.push((NoticeKind::Malformed, Gravity::Warn, message));
         }
+    }
+}
+
+/// What is wrong with a refused frame, in a word: each encoding has one length.
+const fn length_of(encoding: DepthEncoding) -> &'static str {
+    match encoding {
+        DepthEncoding::Packed11 => "packed11_length",
+        DepthEncoding::Raw11 => "raw11_length",
+        DepthEncoding::Mm16 => "mm16_length",
     }
 }

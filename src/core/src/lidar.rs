@@ -143,7 +143,8 @@ impl LidarChannel {
             self.unstamped += before.lost;
         }
         let begins = self.decoder.model() != model || now.resets > before.resets;
-        let newer = |totals: &StreamTotals| totals.received.saturating_sub(totals.duplicates + totals.late);
+        let newer =
+            |totals: &StreamTotals| totals.received.saturating_sub(totals.duplicates + totals.late + totals.doubtful);
         let has_no_stamp = decoded.packets.last().is_some_and(|packet| packet.stamp.is_none());
         if begins || has_no_stamp {
             self.unstamped += core::mem::take(&mut self.posted);
@@ -232,6 +233,7 @@ impl LidarChannel {
     /// Its health at `t`, given everything that arrived before.
     pub(crate) fn health(&self, t: RigNs) -> SensorHealth {
         let counts = self.decoder.counts();
+        let refused = counts.rejected.iter();
         let totals = self.decoder.tracker().totals();
         let lost = LossHealth {
             total: totals.lost + self.unstamped + self.posted,
@@ -247,7 +249,8 @@ impl LidarChannel {
             rate_hz: self.vitals.rate_hz(),
             age_ns: age_ns(t, self.vitals.newest),
             lost,
-            malformed: counts.rejected.iter().map(|(reason, n)| (reason.to_string(), *n)).collect(),
+            malformed: refused.clone().map(|(kind, refused)| (kind.to_string(), refused.count)).collect(),
+            malformed_first: refused.map(|(kind, refused)| (kind.to_string(), refused.first.to_string())).collect(),
             duplicates: totals.duplicates,
             reordered: totals.late,
             points: PointHealth { decoded: counts.points, ..self.points },
@@ -281,9 +284,6 @@ impl LidarChannel {
         if info.order == Order::Duplicate {
             self.points.duplicate += len;
             return;
-        }
-        if info.order == Order::Reset {
-            self.end_turn();
         }
         let Some((t, sigma, basis)) = self.time(info) else {
             self.points.untimed += len;

@@ -161,8 +161,9 @@ impl Sender {
 
     /// Why its packets would give no points, the most frequent reason; an HDL-64E's calibration is another matter.
     pub fn refusal(&self) -> Option<Rejection> {
-        let refusals = self.decoder.counts().rejected.iter().filter(|(why, _)| **why != Rejection::Uncalibrated);
-        refusals.max_by_key(|(_, count)| **count).map(|(why, _)| *why)
+        let refusals =
+            self.decoder.counts().rejected.values().filter(|refused| refused.first != Rejection::Uncalibrated);
+        refusals.max_by_key(|refused| refused.count).map(|refused| refused.first)
     }
 
     /// The return mode of most of its packets; `None` where they do not say it.

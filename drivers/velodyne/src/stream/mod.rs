@@ -10,7 +10,7 @@ use crate::azimuth::Turning;
 use crate::beams::BeamTable;
 use crate::clock::UtcClock;
 use crate::decode::{Timing, decode_packet};
-pub use crate::decoded::{Decoded, PacketInfo, Rejection, StreamCounts};
+pub use crate::decoded::{Decoded, PacketInfo, Refused, Rejection, RejectionKind, StreamCounts};
 use crate::detect::{PeriodCheck, PeriodMismatch, claimed_product, packet_period_ns};
 use crate::hdl64::{Hdl64Decoder, Hdl64Packet};
 use crate::heads::{GroupTimes, Heads};
@@ -31,9 +31,6 @@ const OTHER_MODEL_RUN: u32 = 8;
 /// Longest silence believed, ns: a turn of the slowest motor is 0.2 s, and a narrow view has several in a packet. The
 /// bound keeps forged stamps out of the points' times.
 const MAX_PAUSE_NS: i64 = 2_000_000_000;
-
-/// Most different reasons kept apart; a port scan must not grow the table without bound.
-const MAX_REJECTION_KINDS: usize = 64;
 
 /// Decodes one sensor's payloads in the order they came.
 #[derive(Debug)]
@@ -103,12 +100,13 @@ impl StreamDecoder {
     /// A packet with an azimuth jump appears with the packet after it, or with [`Self::finish`]. Gives the reason, which
     /// is counted, when the payload could not be read.
     pub fn push(&mut self, payload: &[u8], arrived: RigNs, out: &mut Decoded) -> Option<Rejection> {
-        if payload.len() == POSITION_LEN {
-            self.push_position(payload, out);
-            return None;
-        }
-        let rejection = self.push_data(payload, arrived, out).err()?;
-        self.count_rejection(rejection);
+        let read = if payload.len() == POSITION_LEN {
+            self.push_position(payload, out).map_err(Rejection::from)
+        } else {
+            self.push_data(payload, arrived, out)
+        };
+        let rejection = read.err()?;
+        self.counts.reject(rejection);
         Some(rejection)
     }
 
@@ -160,12 +158,12 @@ impl StreamDecoder {
         self.contradiction
     }
 
-    fn push_position(&mut self, payload: &[u8], out: &mut Decoded) {
-        if let Some(position) = PositionPacket::parse(payload) {
-            self.counts.position_packets += 1;
-            self.clock.update(&position);
-            out.positions.push(position);
-        }
+    fn push_position(&mut self, payload: &[u8], out: &mut Decoded) -> Result<(), WireError> {
+        let position = PositionPacket::parse(payload)?;
+        self.counts.position_packets += 1;
+        self.clock.update(&position);
+        out.positions.push(position);
+        Ok(())
     }
 
     fn push_data(&mut self, payload: &[u8], arrived: RigNs, out: &mut Decoded) -> Result<(), Rejection> {
@@ -333,7 +331,7 @@ impl StreamDecoder {
         if self.model != Some(Model::Hdl64e) {
             self.decode(&packet, held, pause_ns, out);
         } else if let Err(rejection) = self.decode_hdl64(&packet, held, pause_ns, out) {
-            self.count_rejection(rejection);
+            self.counts.reject(rejection);
         }
     }
 
@@ -372,12 +370,5 @@ impl StreamDecoder {
             self.counts.out_of_range += (before - points.len()) as u64;
         }
         self.counts.points += (points.len() - start) as u64;
-    }
-
-    fn count_rejection(&mut self, rejection: Rejection) {
-        let known = self.counts.rejected.contains_key(&rejection);
-        let room = known || self.counts.rejected.len() < MAX_REJECTION_KINDS;
-        let kind = if room { rejection } else { Rejection::Wire(WireError::Length { got: 0 }) };
-        *self.counts.rejected.entry(kind).or_default() += 1;
     }
 }

@@ -22,6 +22,12 @@ const SILENCE_MISMATCH: i64 = S;
 /// So many doubtful stamps in a row that agree with each other are the device's new clock. One forged or broken packet
 /// does not move it.
 const DOUBT_RUN: u32 = 3;
+/// So many position packets on end have to say that the pulse's state is another. One forged or broken packet changes
+/// nothing; the sensor says it again within a tenth of a second.
+const PPS_RUN: u32 = 2;
+/// An epoch that began so shortly before the pulse's change is told has begun for it: position packets come ten times a
+/// second or more often.
+const SAME_INCIDENT: i64 = S / 2;
 /// How far from the newest stamp others are mapped: as far as reordering goes, and a LiDAR's pause of 50 ms.
 const MAP_REACH: i64 = S;
 /// What extrapolation adds to the uncertainty: crystals drift by about 1 ppm over minutes.
@@ -91,6 +97,8 @@ pub struct DeviceClock {
     /// Device time at which a holdover ends.
     relocks_at: Option<i64>,
     pps: Option<Pps>,
+    /// Another state of the pulse, and how often on end it was told.
+    other_pps: Option<(Pps, u32)>,
     counts: ClockCounts,
 }
 
@@ -109,6 +117,7 @@ impl DeviceClock {
             pending: None,
             relocks_at: None,
             pps: None,
+            other_pps: None,
             counts: ClockCounts::default(),
         }
     }
@@ -155,9 +164,20 @@ impl DeviceClock {
         Some(Mapped { t, sigma, state: self.state() })
     }
 
-    /// Takes note of what the sensor says of its pulse input. A change begins an epoch: the counter may be set with it.
+    /// Takes note of what the sensor says of its pulse input. A change that is told twice on end begins an epoch, since
+    /// the counter may have been set with it, unless its stamps have just begun one by themselves.
     pub fn note_pps(&mut self, pps: Pps) {
-        if self.pps.replace(pps).is_some_and(|before| before != pps) {
+        if self.pps == Some(pps) {
+            self.other_pps = None;
+            return;
+        }
+        let run = self.other_pps.filter(|(other, _)| *other == pps).map_or(1, |(_, run)| run + 1);
+        self.other_pps = (run < PPS_RUN).then_some((pps, run));
+        if run < PPS_RUN {
+            return;
+        }
+        let begun = self.epoch.map_or(0, |epoch| self.last_arrived.0.saturating_sub(epoch.first_arrived.0));
+        if self.pps.replace(pps).is_some() && begun > SAME_INCIDENT {
             self.pending = Some(Cause::Pps);
         }
     }

@@ -10,6 +10,9 @@ use tumbled_model::{Body, LidarTime, SensorId};
 use tumbled_velodyne::encode::position_packet;
 use tumbled_velodyne::position::Pps;
 
+/// Three lasers in each of twelve firings hit something.
+const PACKET_POINTS: u64 = 36;
+
 /// The times of the epochs that saw the region, and what else came of a LiDAR's session. A clock that begins anew ends the
 /// turn, so that there are others.
 fn times(front: Source) -> (Vec<i64>, Outputs) {
@@ -71,12 +74,44 @@ fn a_pulse_that_locks_and_is_lost_moves_no_time_by_more_than_a_millisecond() {
         (at, Body::LidarPacket { sensor: SensorId::from(rig::LIDAR), bytes: bytes.to_vec().into() })
     };
     let mut front = lidar(&packets(&vlp32c(), 9 * S), Way::UDP, 1);
-    let states = [(1, Pps::Absent), (3, Pps::Synchronising), (4, Pps::Locked), (7, Pps::Absent)];
-    front.extend(states.map(|(s, pps)| position(s * S, pps)));
+    let state = |tenth: i64| match tenth {
+        ..30 => Pps::Absent,
+        30..40 => Pps::Synchronising,
+        40..70 => Pps::Locked,
+        _ => Pps::Absent,
+    };
+    front.extend((1..90).map(|tenth| position(tenth * 100 * MS, state(tenth))));
     front.sort_by_key(|(arrived, _)| *arrived);
     let (times, out) = times(front);
     assert!(worst_error(&times, 2_300 * MS, 8_900 * MS) < MS, "{}", worst_error(&times, 2_300 * MS, 8_900 * MS));
-    assert!(out.notices.iter().any(|notice| notice.kind == NoticeKind::ClockReset), "each change begins a clock");
+    let resets = out.notices.iter().filter(|notice| notice.kind == NoticeKind::ClockReset).count();
+    assert_eq!(resets, 3, "each change begins a clock");
+}
+
+#[test]
+fn one_wild_stamp_costs_its_own_points_and_nothing_else() {
+    let clean = packets(&vlp32c(), 6 * S);
+    let (calm, _) = times(lidar(&clean, Way::UDP, 1));
+    // Minutes ahead, a little ahead, minutes back, half a second back; and the last two packets of a second on end.
+    let wild =
+        [(3_000, 400_000_000), (4_000, 300_000), (5_000, -200_000_000), (6_000, -500_000), (7_000, 1), (7_001, 2)];
+    let mut broken = clean.clone();
+    for (at, shift_s) in wild {
+        let mut one = broken[at..=at].to_vec();
+        set_clock(&mut one, 0, if at < 7_000 { shift_s } else { shift_s * 1_000_000_000 });
+        broken[at] = one.remove(0);
+    }
+    let front = lidar(&broken, Way::UDP, 1);
+    let points = (front.len() as u64 - 6) * PACKET_POINTS;
+    let until = 7 * S;
+    let (pipeline, out) = run_with(rig::lidar_only(), &ledger(&[front.clone(), ticks(until)]), |_| {});
+    let sensor = &pipeline.sensors()[0];
+    let (broken, _) = times(front);
+    assert_eq!(broken, calm, "the same turns at the same times");
+    assert!(out.notices.iter().all(|notice| notice.kind != NoticeKind::ClockReset), "{:?}", out.notices);
+    let clock = sensor.clock.expect("a clock");
+    assert_eq!((clock.resets, clock.state), (0, tumbled_core::ClockState::Locked));
+    assert_eq!(sensor.points.in_epochs, points, "{:?}", sensor.points);
 }
 
 #[test]

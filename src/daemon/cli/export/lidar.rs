@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use tumbled_model::{Body, Event};
 use tumbled_velodyne::LidarPoint;
-use tumbled_velodyne::stream::{Decoded, PacketInfo, StreamDecoder};
+use tumbled_velodyne::stream::{Decoded, PacketInfo, Refused, StreamDecoder};
 use tumbled_velodyne::track::Order;
 
 use super::outfile::OutFile;
@@ -66,7 +66,7 @@ pub(super) fn export(
                     Order::Next { lost: before } => lost += before,
                     // It was counted as lost when its successor came.
                     Order::Late => lost = lost.saturating_sub(1),
-                    Order::Duplicate | Order::Reset => {}
+                    Order::Duplicate | Order::Doubtful | Order::Reset => {}
                 }
             }
         }
@@ -91,7 +91,7 @@ pub(super) fn export(
         points: sink.points,
         // A silence may count as loss until the field of view is known; of all packets together that is then corrected.
         lost: if whole { lost_of_all } else { lost.min(lost_of_all) },
-        not_decoded: decoder.counts().rejected.values().sum(),
+        not_decoded: decoder.counts().refused(),
         complete: false, // judged with the inputs, by the caller
         warnings: warnings(&decoder),
         files: names(&[sink.finish()?]),
@@ -104,8 +104,10 @@ fn refuse_nothing(decoder: &StreamDecoder, inputs: &Inputs) -> Result<(), Failur
         return Ok(());
     }
     let remedy = inputs.captures().find_map(|capture| capture.summary().hint()).map(|hint| hint.to_string());
-    let why = match decoder.counts().rejected.iter().max_by_key(|(_, count)| **count) {
-        Some((reason, count)) => format!("none of the LiDAR's packets can be decoded ({count}: {reason})"),
+    let why = match decoder.counts().rejected.values().max_by_key(|refused| refused.count) {
+        Some(Refused { count, first }) => {
+            format!("none of the LiDAR's packets can be decoded ({count} like the first: {first})")
+        }
         None => "the inputs hold no LiDAR packets".to_owned(),
     };
     let remedy = remedy.unwrap_or_else(|| "`tumbled info INPUT` lists what is in it".to_owned());
@@ -119,8 +121,8 @@ fn warnings(decoder: &StreamDecoder) -> Vec<String> {
     if let (Some(says), Some(model)) = (decoder.contradiction(), decoder.model()) {
         warnings.push(format!("the packets say {says}, lidar.model says {model}: decoded as {model}"));
     }
-    for (reason, count) in &decoder.counts().rejected {
-        warnings.push(format!("{count} payloads not decoded: {reason}"));
+    for (kind, Refused { count, first }) in &decoder.counts().rejected {
+        warnings.push(format!("{count} payloads not decoded ({kind}), the first: {first}"));
     }
     let totals = decoder.tracker().totals();
     if totals.lost > 0 {

@@ -48,12 +48,16 @@ impl Turns {
         }
         let step_cdeg = i64::from(forward_cdeg(newest.first_cdeg, first_cdeg));
         let whole_turns = match (rpm, newest.span_to(&now)) {
-            (Some(rpm), Some(span_ns)) if packet.order != Order::Reset => {
+            (Some(rpm), Some(span_ns)) if matches!(packet.order, Order::Next { .. }) => {
                 let turns = rpm / 60e9 * span_ns as f64 - step_cdeg as f64 / TURN_CDEG as f64;
                 turns.round().max(0.0) as i64
             }
             _ => 0,
         };
+        if packet.order == Order::Doubtful {
+            // The head stands where it says; its stamp is no measure for what follows.
+            return turn_at(self.turned_cdeg + step_cdeg);
+        }
         self.turned_cdeg += step_cdeg + whole_turns * TURN_CDEG;
         self.newest = Some(now);
         turn_at(self.turned_cdeg)

@@ -76,7 +76,7 @@ impl LidarWatch {
     /// Whether the inputs held anything for it.
     pub(super) fn seen(&self) -> bool {
         let counts = self.decoder.counts();
-        counts.data_packets + counts.position_packets + counts.rejected.values().sum::<u64>() > 0
+        counts.data_packets + counts.position_packets + counts.refused() > 0
     }
 
     /// Takes one payload.

@@ -1,6 +1,7 @@
 //! From a watched LiDAR to its part of the report.
 
 use tumbled_velodyne::clock::UtcState;
+use tumbled_velodyne::stream::Refused;
 use tumbled_velodyne::track::{PacketTracker, StreamTotals};
 use tumbled_velodyne::{Model, Product};
 
@@ -25,7 +26,7 @@ pub(super) fn report(watch: &LidarWatch, host_times: bool) -> LidarReport {
         claims: watch.claims.iter().map(|(product, packets)| claim(*product, *packets)).collect(),
         data_packets: counts.data_packets,
         position_packets: counts.position_packets,
-        rejected: counts.rejected.iter().map(|(why, n)| Refusal { reason: why.to_string(), count: *n }).collect(),
+        rejected: counts.rejected.values().map(refusal).collect(),
         return_modes: counts.modes.iter().map(|(mode, n)| ModeCount { mode: mode.to_string(), packets: *n }).collect(),
         points: counts.points,
         returns: watch.returns,
@@ -172,4 +173,8 @@ fn warnings(watch: &LidarWatch) -> Vec<String> {
         warnings.push("the sensor reports that it shut its lasers down because of heat: cool it".to_owned());
     }
     warnings
+}
+
+fn refusal(refused: &Refused) -> Refusal {
+    Refusal { reason: refused.first.to_string(), count: refused.count }
 }

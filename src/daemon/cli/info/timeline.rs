@@ -51,7 +51,7 @@ pub(super) struct Timeline {
 
 impl Timeline {
     /// Takes note of one data packet and returns its device time after the first packet, ns; `None` for one that came
-    /// late or twice.
+    /// late or twice, or whose stamp is in doubt.
     pub(super) fn packet(&mut self, stamp: LidarTime, arrived: RigNs, order: Order) -> Option<i64> {
         let now = Instant { stamp, arrived };
         let Some(newest) = self.newest else {
@@ -66,7 +66,7 @@ impl Timeline {
                 self.elapsed_ns += (arrived - newest.arrived).0;
                 self.set_anew = true;
             }
-            Order::Duplicate | Order::Late => return None,
+            Order::Duplicate | Order::Late | Order::Doubtful => return None,
         }
         self.steps += 1;
         self.newest = Some(now);

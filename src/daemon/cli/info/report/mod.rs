@@ -118,7 +118,7 @@ pub struct Spread {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Refusal {
-    /// Why, with the remedy.
+    /// Why, with the remedy; where it names a value found, that of the first.
     pub reason: String,
     /// How often.
     pub count: u64,

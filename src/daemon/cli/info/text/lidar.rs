@@ -39,7 +39,7 @@ pub(super) fn block(page: &mut Page, lidar: &LidarReport) {
         None => {}
     }
     for refusal in &lidar.rejected {
-        page.alert(&format!("not decoded: {} payloads: {}", refusal.count, refusal.reason));
+        page.alert(&format!("not decoded: {} payloads, the first: {}", refusal.count, refusal.reason));
     }
     for warning in &lidar.warnings {
         page.alert(warning);
