@@ -144,7 +144,7 @@ fn three_misses_are_stale_and_ten_reopen_the_port() {
     // Asked ten times; before the fourth time three were missed: stale 0.3 s after the last good one.
     assert_eq!(seen.len(), 10);
     assert_eq!(seen.iter().position(|f| *f == Freshness::Stale), Some(3));
-    assert_eq!([0, 1, 2, 3, 9].map(reopen_after).map(|span| span.0 / 1_000_000), [500, 1_000, 2_000, 5_000, 5_000]);
+    assert_eq!([0, 1, 2, 3, 9].map(reopen_after).map(|span| span.0 / 1_000_000), [500, 1_000, 2_000, 2_000, 2_000]);
 }
 
 #[test]
@@ -253,4 +253,52 @@ proptest! {
         // 600 steps of 15 ms on average are 9 s; ten misses take 1.3 s at the most.
         prop_assert_eq!((written, poll.turn(now)), (10, Turn::Reopen));
     }
+}
+
+#[test]
+fn twice_a_second_the_drive_is_asked_for_its_error_until_it_refuses() {
+    let mut poll = Poll::new(PollSettings::default(), us(0));
+    let mut asked = Vec::new();
+    let mut refuses = false;
+    for ms in 0..3_000 {
+        let Turn::Write(request) = poll.turn(us(1_000 * ms)) else { continue };
+        let out = us(1_000 * ms) + Span::from_micros(100);
+        poll.written(out);
+        let is_check = String::from_utf8_lossy(&request).contains("encoder.pos.error");
+        let reply = String::from_utf8(answer(&request, "3")).expect("text");
+        let reply = match is_check && refuses {
+            true => checked(&reply.replace("OK", "RJ").replace(" 3:", " BADCOMMAND:")),
+            false => reply,
+        };
+        if is_check {
+            asked.push(ms);
+            refuses = asked.len() == 3;
+        }
+        poll.heard(out + Span::from_micros(500), reply.as_bytes(), &mut Vec::new());
+    }
+    // The fourth, which is refused, is the last.
+    assert_eq!(asked, [500, 1_000, 1_500, 2_000]);
+    assert_eq!(poll.counts().rejected, 1);
+}
+
+/// A line with its checksum made right.
+fn checked(line: &str) -> String {
+    let (body, _) = line.trim_end().split_at(1).1.rsplit_once(':').expect("a checksum");
+    format!("@{body}:{:02X}\r\n", tumbled_serial::zaber::checksum(body))
+}
+
+#[test]
+fn whom_the_host_asks_is_whose_replies_count() {
+    let other = Address { device: 2, axis: 3 };
+    let mut listener = Listener::new(LineSettings::default());
+    let mut heard = Vec::new();
+    let request = Request::new(other, MessageId::default(), Command::Get(Setting::EncoderPos));
+    listener.overheard(us(0), &request.encode(), &mut heard);
+    listener.overheard(us(400), &answer(&request.encode(), "77"), &mut heard);
+    assert_eq!(samples(&heard).iter().map(|sample| sample.counts).collect::<Vec<_>>(), [77]);
+    let request = Request::new(other, MessageId::default().next(), Command::Get(Setting::EncoderPos));
+    listener.overheard(us(20_000), &request.encode(), &mut heard);
+    let stranger = Request { address: AXIS, ..request };
+    listener.overheard(us(20_400), &answer(&stranger.encode(), "5"), &mut heard);
+    assert_eq!((samples(&heard).len(), listener.counts().wrong_address), (1, 1));
 }

@@ -20,7 +20,7 @@ use tumbled_model::{RigNs, Span};
 /// What a listener has to know of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineSettings {
-    /// The stage's axis.
+    /// The stage's axis, until a request to another one is heard: whom the host asks is whose replies count.
     pub axis: Address,
     /// How long a byte is on the line; 0 where there is no line (TCP, a pseudo-terminal). See [`byte_time`].
     pub byte_time: Span,
@@ -134,6 +134,8 @@ pub struct Listener {
 
 #[derive(Clone, Debug)]
 struct Matcher {
+    /// Whose replies count: the axis that was asked last.
+    own: Address,
     waiting: Option<(Request, RigNs)>,
     /// Ids of requests that were given up, a bit each: their replies may still come.
     given_up: u128,
@@ -158,7 +160,13 @@ fn bit(id: MessageId) -> u128 {
 impl Listener {
     /// A listener that has heard nothing.
     pub fn new(settings: LineSettings) -> Self {
-        let matcher = Matcher { waiting: None, given_up: 0, quickest: Quickest::default(), counts: Counts::default() };
+        let matcher = Matcher {
+            own: settings.axis,
+            waiting: None,
+            given_up: 0,
+            quickest: Quickest::default(),
+            counts: Counts::default(),
+        };
         Self { settings, parser: Parser::new(settings.checksums), matcher }
     }
 
@@ -168,6 +176,7 @@ impl Listener {
         if let Some(id) = request.id {
             self.matcher.given_up &= !bit(id);
         }
+        self.matcher.asked(request.address);
         self.matcher.waiting = Some((*request, at));
     }
 
@@ -209,8 +218,15 @@ impl Listener {
 }
 
 impl Matcher {
+    fn asked(&mut self, address: Address) {
+        if address.device != 0 {
+            let axis = if address.axis == 0 { self.own.axis } else { address.axis };
+            self.own = Address { axis, ..address };
+        }
+    }
+
     fn reply(&mut self, settings: &LineSettings, first_byte: RigNs, reply: Reply) -> Option<Heard> {
-        let own = [settings.axis, settings.axis.whole()];
+        let own = [self.own, self.own.whole()];
         if !own.contains(&reply.address) {
             self.counts.wrong_address += 1;
             return None;

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //!   match poll.turn(now) {
-//!       Write(bytes)      ─▶ write, drain, poll.written(now)
+//!       Write(bytes)      ─▶ write; poll.written(when the last byte can have left at the earliest)
 //!       Wait(until)       ─▶ read until then; poll.heard(now, bytes, &mut heard)
 //!       Unanswered(what)  ─▶ tell whoever asked
 //!       Reopen            ─▶ close, wait reopen_after(attempt), open, a new Poll
@@ -27,24 +27,34 @@ pub struct PollSettings {
     pub period: Span,
     /// What is asked: [`Setting::EncoderPos`], or [`Setting::Pos`] on a stage without encoder.
     pub position: Setting,
+    /// How often the stage is asked how far its encoder is from where it was told to be, until it refuses: that is how a
+    /// slip shows. `None`: never.
+    pub check: Option<Span>,
 }
 
 impl PollSettings {
     /// 100 Hz: request and reply are 5.1 ms of line time at 115 200 baud, adapters take some more.
     pub const SHORTEST_PERIOD: Span = Span::from_micros(10_000);
+    /// Twice a second: it takes a slip's time to half a second for one exchange in 25.
+    pub const CHECK: Span = Span::from_micros(500_000);
 }
 
 impl Default for PollSettings {
-    /// The encoder at 50 Hz.
+    /// The encoder at 50 Hz, and twice a second how far it is from where the stage was told to be.
     fn default() -> Self {
-        Self { line: LineSettings::default(), period: Span::from_micros(20_000), position: Setting::EncoderPos }
+        Self {
+            line: LineSettings::default(),
+            period: Span::from_micros(20_000),
+            position: Setting::EncoderPos,
+            check: Some(Self::CHECK),
+        }
     }
 }
 
 /// What the caller does next.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// Write these bytes, drain, and call [`Poll::written`].
+    /// Write these bytes and call [`Poll::written`].
     Write(Vec<u8>),
     /// Nothing to write before then; read.
     Wait(RigNs),
@@ -80,6 +90,8 @@ pub struct Poll {
     asked: Option<(Request, RigNs)>,
     id: MessageId,
     due: RigNs,
+    /// When the next check is due; `None`: none is.
+    check_due: Option<RigNs>,
     misses: u32,
     answered: bool,
 }
@@ -91,6 +103,8 @@ impl Poll {
     pub const STALE_MISSES: u32 = 3;
     /// After so many misses in a row the port is opened anew.
     pub const REOPEN_MISSES: u32 = 10;
+    /// How far the encoder is from where the stage was told to be.
+    const CHECK: Command = Command::Get(Setting::EncoderPosError);
 
     /// A conversation that begins at `now`. What is to be asked first ([`Command::OPENING`]) goes through [`Self::ask`].
     pub fn new(settings: PollSettings, now: RigNs) -> Self {
@@ -102,6 +116,7 @@ impl Poll {
             asked: None,
             id: MessageId::default(),
             due: now,
+            check_due: settings.check.map(|check| now + check),
             misses: 0,
             answered: false,
         }
@@ -134,15 +149,20 @@ impl Poll {
             self.asked = None;
             self.listener.give_up();
             self.misses += 1;
-            if request.command != self.position() {
+            if ![self.position(), Self::CHECK].contains(&request.command) {
                 return Turn::Unanswered(request.command);
             }
         }
         if self.misses >= Self::REOPEN_MISSES {
             return Turn::Reopen;
         }
+        let check = self.check_due.filter(|due| *due <= now);
         let command = match self.commands.pop_front() {
             Some(command) => command,
+            None if check.is_some() => {
+                self.check_due = self.settings.check.map(|check| now + check);
+                Self::CHECK
+            }
             None if now < self.due => return Turn::Wait(self.due),
             None => {
                 // On the grid; what was missed is not made up for.
@@ -157,7 +177,9 @@ impl Poll {
         Turn::Write(request.encode())
     }
 
-    /// The bytes of the last [`Turn::Write`] have left the host at `at`.
+    /// The bytes of the last [`Turn::Write`] have left the host at `at`, or at the earliest then. Earlier than it was makes
+    /// a sample's time less certain; later makes it wrong: a thread that is held up after its write may find the reply
+    /// there already.
     pub fn written(&mut self, at: RigNs) {
         if let Some((request, until)) = &mut self.asked {
             *until = at + self.settings.line.timeout;
@@ -168,7 +190,14 @@ impl Poll {
     /// The stage sent these bytes; the read that gave them returned at `at`. What they say is added to `out`.
     pub fn heard(&mut self, at: RigNs, bytes: &[u8], out: &mut Vec<Heard>) {
         let waited = self.listener.waiting().is_some();
+        let before = out.len();
         self.listener.heard(at, bytes, out);
+        let refuses =
+            |heard: &Heard| matches!(heard, Heard::Answer { command: Self::CHECK, reply, .. } if !reply.accepted);
+        if out.iter().skip(before).any(refuses) {
+            // This firmware does not know it: once is enough.
+            self.check_due = None;
+        }
         if waited && self.listener.waiting().is_none() {
             self.asked = None;
             self.misses = 0;
@@ -195,12 +224,12 @@ impl Poll {
     }
 }
 
-/// How long to wait before a port is opened again, the first attempt being number 0: 0.5, 1, 2, then 5 s.
+/// How long to wait before a port is opened again, the first attempt being number 0: 0.5, 1, then every 2 s. A stage that
+/// is back is read again within 5 s, so no pause may be longer.
 pub const fn reopen_after(attempt: u32) -> Span {
     match attempt {
         0 => Span::from_micros(500_000),
         1 => Span::from_micros(1_000_000),
-        2 => Span::from_micros(2_000_000),
-        _ => Span::from_micros(5_000_000),
+        _ => Span::from_micros(2_000_000),
     }
 }

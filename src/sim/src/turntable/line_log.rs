@@ -157,7 +157,11 @@ impl Iterator for Conversation {
                     }
                     return Some(LogEntry { at: self.now, side: Side::Device, bytes });
                 }
-                Turn::Unanswered(_) => {}
+                Turn::Unanswered(command) => {
+                    if Command::OPENING.contains(&command) {
+                        self.poll.ask(command).expect("what was asked has left the queue");
+                    }
+                }
                 Turn::Reopen => {
                     self.now = self.now + reopen_after(self.attempt);
                     self.attempt += 1;
