@@ -7,8 +7,8 @@
 //!    (drop newest, one Gap)                        (recorder loses; the core is relieved by Skip)
 //! ```
 //!
-//! * [`source`]: what a source is; [`udp`] is the one for a LiDAR, `kinect_usb` the one for a Kinect (feature `kinect-usb`);
-//!   [`mod@supervise`] keeps it running;
+//! * [`source`]: what a source is; [`udp`] is the one for a LiDAR, `kinect_usb` the one for a Kinect (feature `kinect-usb`),
+//!   [`serial`] the one for a turntable; [`mod@supervise`] keeps it running;
 //! * [`intake`]: a source's bounded way into the ledger, with its losses counted and posted; [`control`]: an operator's;
 //! * [`ledger`]: the thread that makes the one order; [`outlet`]: the bounded ways out of it;
 //! * [`clock`], [`arrival`]: the session's timeline and the kernel's stamps on it;
@@ -32,6 +32,7 @@ pub mod outlet;
 pub mod probe;
 pub mod pty;
 pub mod send;
+pub mod serial;
 pub mod source;
 pub mod stop;
 pub mod supervise;
@@ -51,9 +52,10 @@ pub use outlet::{Consumer, EventReceiver, OutletCounts, OutletGauge, Patience, S
 pub use probe::{Heard, UdpProbe, listen};
 pub use pty::PseudoTerminal;
 pub use send::{Pace, SendError, Sent, UdpSender};
+pub use serial::{PortName, SerialConfig, SerialError, SerialOpener, SerialProtocol, SerialSource, SerialTrouble};
 pub use source::{
-    Device, KinectInfo, Opener, ReceiveBuffer, Source, SourceCounters, SourceError, SourceInfo, SourceWarning, Summary,
-    UdpInfo,
+    Device, KinectInfo, Opener, ReceiveBuffer, SerialInfo, Source, SourceCounters, SourceError, SourceInfo,
+    SourceWarning, Summary, UdpInfo,
 };
 pub use stop::StopToken;
 pub use supervise::{Backoff, Notice, Supervised, SupervisedSummary, supervise};

@@ -6,6 +6,7 @@ use crate::machine::KinectModel;
 use core::fmt;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tumbled_model::{LossPoint, SensorId};
 
@@ -60,6 +61,8 @@ pub enum Device {
     Udp(UdpInfo),
     /// A Kinect on the USB.
     Kinect(KinectInfo),
+    /// A turntable on a serial port.
+    Serial(SerialInfo),
     /// Values in memory or a file, not a device.
     Stored,
 }
@@ -94,6 +97,18 @@ pub struct KinectInfo {
     pub recorded: bool,
 }
 
+/// A turntable's serial port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SerialInfo {
+    /// The device file that was opened.
+    pub path: PathBuf,
+    /// The line's rate.
+    pub baud: u32,
+    /// The device and axis that answered; `None`: this protocol has no such numbers.
+    pub axis: Option<tumbled_serial::zaber::Address>,
+}
+
 /// A socket's receive buffer, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReceiveBuffer {
@@ -109,6 +124,11 @@ pub struct ReceiveBuffer {
 pub enum SourceWarning {
     /// The kernel granted less than 1 MiB of receive buffer: a short pause of this machine loses packets.
     SmallReceiveBuffer(ReceiveBuffer),
+    /// A USB adapter holds bytes back before it hands them over.
+    SlowSerialAdapter {
+        /// For so long, ms.
+        ms: u32,
+    },
     /// A Kinect's tilt, lamp or accelerometer does not do what was asked; its depth comes all the same.
     KinectPosture {
         /// The step that failed.
@@ -122,6 +142,12 @@ pub enum SourceWarning {
     },
 }
 
+impl SourceWarning {
+    /// What makes an adapter hand over what it has every millisecond.
+    pub const LATENCY_RULE: &'static str = "a udev rule sets its latency_timer to 1: ACTION==\"add\", \
+                                            SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"";
+}
+
 impl fmt::Display for SourceWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -130,6 +156,11 @@ impl fmt::Display for SourceWarning {
                 "the kernel granted a receive buffer of {} bytes of the {} asked for: packets are lost when this machine \
                  is busy for a moment; allow more with `sysctl -w net.core.rmem_max=8388608`",
                 buffer.granted, buffer.requested
+            ),
+            Self::SlowSerialAdapter { ms } => write!(
+                f,
+                "the serial adapter holds bytes back for {ms} ms: the angle's time is that uncertain; {}",
+                Self::LATENCY_RULE
             ),
             Self::KinectPosture { step } => write!(
                 f,
@@ -202,6 +233,9 @@ pub enum SourceError {
         /// What the system said.
         error: io::Error,
     },
+    /// A turntable's port does not deliver.
+    #[error(transparent)]
+    Serial(super::serial::SerialError),
     /// A Kinect does not deliver.
     #[cfg(feature = "kinect-usb")]
     #[error("{error}{}", super::kinect_usb::listed(hints))]
