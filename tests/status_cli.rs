@@ -61,6 +61,7 @@ fn health() -> HealthLine {
             ..LidarHealth::default()
         }),
         kinect: None,
+        turntable: None,
     };
     let near = SensorHealth {
         id: "near".to_owned(),

@@ -32,7 +32,7 @@ fn config() -> CoreConfig {
     CoreConfig {
         lidars: Vec::new(),
         kinects: Vec::new(),
-        serials: Vec::new(),
+        turntables: Vec::new(),
         roi: RegionOfInterest { center: Point::new(2.0, 0.0, 0.0), radius_m: 1.2 },
         timing: Timing::default(),
         ignore_skips: false,

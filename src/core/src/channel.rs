@@ -2,12 +2,12 @@
 
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud, Scan};
-use crate::health::{PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
+use crate::health::{SensorHealth, SensorState};
 use crate::kinect::{Frame, KinectChannel};
 use crate::lidar::{LidarChannel, Remark};
+use crate::turntable::{TurntableChannel, TurntableSample};
 use crate::vitals::Vitals;
 use crate::workers::Workers;
-use std::collections::BTreeMap;
 use tumbled_model::{Body, Event, RigNs, SensorId, Span};
 
 /// A sensor's way through the core.
@@ -15,7 +15,7 @@ use tumbled_model::{Body, Event, RigNs, SensorId, Span};
 enum Channel {
     Kinect(Box<KinectChannel>),
     Lidar(Box<LidarChannel>),
-    Serial(Vitals),
+    Turntable(Box<TurntableChannel>),
 }
 
 /// All sensors of the config, numbered in the order of ties.
@@ -37,8 +37,11 @@ impl Channels {
             .lidars
             .iter()
             .map(|setup| (setup.id.clone(), Channel::Lidar(Box::new(LidarChannel::new(setup, config)))));
-        let serials = config.serials.iter().map(|id| (id.clone(), Channel::Serial(Vitals::default())));
-        let (ids, channels): (Vec<_>, Vec<_>) = kinects.chain(lidars).chain(serials).unzip();
+        let turntables = config
+            .turntables
+            .iter()
+            .map(|setup| (setup.id.clone(), Channel::Turntable(Box::new(TurntableChannel::new(setup, config)))));
+        let (ids, channels): (Vec<_>, Vec<_>) = kinects.chain(lidars).chain(turntables).unzip();
         let seconds = vec![0; ids.len()];
         Self { ids, channels, seconds }
     }
@@ -67,7 +70,7 @@ impl Channels {
                     let setup = config.lidars.iter().find(|setup| setup.id == *id);
                     setup.into_iter().for_each(|setup| lidar.configure(setup, config));
                 }
-                Channel::Serial(_) => {}
+                Channel::Turntable(_) => {}
             }
         }
     }
@@ -89,10 +92,10 @@ impl Channels {
                 let frame = Frame { ticks: *ticks, encoding: *encoding, lost: lost_packets, bytes };
                 kinect.frame(frame, event.arrived, spare, workers);
             }
-            (Body::SerialChunk { bytes, .. }, Channel::Serial(vitals)) => vitals.datum(event.arrived, bytes.len()),
+            (Body::SerialChunk { bytes, .. }, Channel::Turntable(turntable)) => turntable.chunk(event.arrived, bytes),
             (Body::SensorState { state, .. }, Channel::Kinect(kinect)) => kinect.source(*state),
             (Body::SensorState { state, .. }, Channel::Lidar(lidar)) => lidar.source(*state),
-            (Body::SensorState { state, .. }, Channel::Serial(vitals)) => vitals.source(*state),
+            (Body::SensorState { state, .. }, Channel::Turntable(turntable)) => turntable.source(*state),
             (Body::Gap { lost, place, .. }, Channel::Lidar(lidar)) => lidar.gap(*place, *lost),
             (Body::Gap { lost, place, .. }, channel) => channel.vitals_mut().gap(*place, *lost),
             (Body::Skip { scans, .. }, Channel::Lidar(lidar)) if !config.ignore_skips => lidar.shedding.skip(*scans),
@@ -120,14 +123,14 @@ impl Channels {
         match self.channels.get(channel)? {
             Channel::Kinect(kinect) => kinect.watermark(),
             Channel::Lidar(lidar) => lidar.watermark(),
-            Channel::Serial(_) => None,
+            Channel::Turntable(_) => None,
         }
     }
 
-    /// Whether others wait for this sensor at `t`. A serial device gives no epochs.
+    /// Whether others wait for this sensor at `t`. A turntable gives no epochs.
     pub(crate) fn may_come(&self, channel: usize, t: RigNs, silent_after: Span) -> bool {
         match self.channels.get(channel) {
-            Some(Channel::Serial(_)) | None => false,
+            Some(Channel::Turntable(_)) | None => false,
             Some(channel) => channel.vitals().may_come(t, silent_after),
         }
     }
@@ -158,7 +161,8 @@ impl Channels {
         match self.channels.get_mut(channel) {
             Some(Channel::Kinect(kinect)) => kinect.remarks().collect(),
             Some(Channel::Lidar(lidar)) => lidar.remarks().collect(),
-            _ => Vec::new(),
+            Some(Channel::Turntable(turntable)) => turntable.remarks().collect(),
+            None => Vec::new(),
         }
     }
 
@@ -177,7 +181,7 @@ impl Channels {
         match self.channels.get_mut(channel) {
             Some(Channel::Kinect(kinect)) => kinect.seconds(seconds),
             Some(Channel::Lidar(lidar)) => lidar.seconds(seconds),
-            Some(Channel::Serial(vitals)) => vitals.seconds(seconds),
+            Some(Channel::Turntable(turntable)) => turntable.seconds(seconds),
             None => {}
         }
     }
@@ -186,18 +190,24 @@ impl Channels {
         match self.channels.get(channel) {
             Some(Channel::Kinect(kinect)) => kinect.state(t),
             Some(Channel::Lidar(lidar)) => lidar.state(t),
-            Some(Channel::Serial(vitals)) => vitals.state(t),
+            Some(Channel::Turntable(turntable)) => turntable.state(t),
             None => SensorState::Absent,
         }
     }
 
-    /// A sensor's health at `t`, given everything it was fed.
-    pub(crate) fn health(&self, channel: usize, t: RigNs) -> SensorHealth {
-        match self.channels.get(channel) {
-            Some(Channel::Kinect(kinect)) => kinect.health(t),
-            Some(Channel::Lidar(lidar)) => lidar.health(t),
-            Some(Channel::Serial(vitals)) => serial_health(self.id(channel), vitals, t),
-            None => serial_health(&SensorId::from(""), &Vitals::default(), t),
+    /// A sensor's health at `t`, given everything it was fed; `None`: there is no such sensor.
+    pub(crate) fn health(&self, channel: usize, t: RigNs) -> Option<SensorHealth> {
+        Some(match self.channels.get(channel)? {
+            Channel::Kinect(kinect) => kinect.health(t),
+            Channel::Lidar(lidar) => lidar.health(t),
+            Channel::Turntable(turntable) => turntable.health(t),
+        })
+    }
+
+    /// Gives out where a turntable was since the last call.
+    pub(crate) fn samples(&mut self, channel: usize, out: &mut Vec<TurntableSample>) {
+        if let Some(Channel::Turntable(turntable)) = self.channels.get_mut(channel) {
+            out.extend(turntable.samples());
         }
     }
 }
@@ -207,7 +217,7 @@ impl Channel {
         match self {
             Self::Kinect(kinect) => &kinect.vitals,
             Self::Lidar(lidar) => &lidar.vitals,
-            Self::Serial(vitals) => vitals,
+            Self::Turntable(turntable) => &turntable.vitals,
         }
     }
 
@@ -215,29 +225,7 @@ impl Channel {
         match self {
             Self::Kinect(kinect) => &mut kinect.vitals,
             Self::Lidar(lidar) => &mut lidar.vitals,
-            Self::Serial(vitals) => vitals,
+            Self::Turntable(turntable) => &mut turntable.vitals,
         }
-    }
-}
-
-fn serial_health(id: &SensorId, vitals: &Vitals, t: RigNs) -> SensorHealth {
-    SensorHealth {
-        id: id.to_string(),
-        kind: SensorKind::Serial,
-        state: vitals.state(t),
-        received: vitals.received,
-        bytes: vitals.bytes,
-        rate_hz: vitals.rate_hz(),
-        age_ns: age_ns(t, vitals.newest),
-        lost: vitals.lost.summed(),
-        malformed: BTreeMap::new(),
-        malformed_first: BTreeMap::new(),
-        duplicates: 0,
-        reordered: 0,
-        points: PointHealth::default(),
-        epochs: crate::health::EpochHealth::default(),
-        clock: None,
-        lidar: None,
-        kinect: None,
     }
 }

@@ -12,8 +12,8 @@ pub struct CoreConfig {
     pub lidars: Vec<LidarSetup>,
     /// The Kinects.
     pub kinects: Vec<KinectSetup>,
-    /// What hangs on serial ports.
-    pub serials: Vec<SensorId>,
+    /// The turntables.
+    pub turntables: Vec<TurntableSetup>,
     /// Where the target is looked for.
     pub roi: RegionOfInterest,
     /// How sensors are put on one timeline.
@@ -48,6 +48,28 @@ pub struct KinectSetup {
     pub t_rig_kinect: Iso<Rig, Kinect>,
     /// How late its stamps are: measurement time = mapped stamp − offset.
     pub time_offset: Span,
+}
+
+/// One turntable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TurntableSetup {
+    /// Its name.
+    pub id: SensorId,
+    /// What is spoken on its line.
+    pub protocol: TurntableProtocol,
+    /// The line's rate: how long a reply's first byte was under way.
+    pub baud: u32,
+    /// Counts of a full turn of the table, where they are not those that the stage says, because of a gear; not 0.
+    pub counts_per_turn: Option<u32>,
+}
+
+/// What a turntable's line speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TurntableProtocol {
+    /// Zaber ASCII: asked and answered.
+    Zaber,
+    /// This project's stream of encoder readings.
+    Line,
 }
 
 /// A sphere in which the target is looked for.

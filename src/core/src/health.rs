@@ -5,6 +5,7 @@
 
 use crate::clock::{ClockMode, ClockReport, ClockState};
 use crate::notice::Gravity;
+use crate::turntable::TurntableHealth;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -100,7 +101,7 @@ pub enum SensorKind {
     Kinect,
     /// A scanning LiDAR.
     Lidar,
-    /// Something on a serial port.
+    /// A turntable on a serial port.
     Serial,
 }
 
@@ -142,6 +143,8 @@ pub struct SensorHealth {
     pub lidar: Option<LidarHealth>,
     /// What only a Kinect has.
     pub kinect: Option<KinectHealth>,
+    /// What only a turntable has.
+    pub turntable: Option<TurntableHealth>,
 }
 
 /// Losses of one sensor, in packets, frames or chunks.

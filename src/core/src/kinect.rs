@@ -205,6 +205,7 @@ impl KinectChannel {
                 lost_pixels: self.counts.lost_pixels,
                 ..self.kinect
             }),
+            turntable: None,
         }
     }
 

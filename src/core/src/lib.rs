@@ -3,6 +3,7 @@
 //! ```text
 //!   Event ─▶ pipeline ─▶ lidar:  decode ─ clock ─ reorder ─ assemble ─┐
 //!               │        kinect: decode ─ clock ──────────────────────┴▶ align ─▶ epochs
+//!               │        turntable: line ─ angle, truth ─▶ samples
 //!               └──────▶ beat: states, health, notices
 //! ```
 //!
@@ -10,6 +11,7 @@
 //! * [`config`]: what the core has to know of the rig;
 //! * [`clock`]: device stamps to the session's timeline, the wall clock and UTC beside it;
 //! * [`sector`], [`boundary`]: the region of interest as a LiDAR's head sweeps over it, and where a scan begins;
+//! * [`turntable`]: where a turntable was, and whether that is truth;
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
@@ -32,6 +34,7 @@ mod place;
 mod reasons;
 mod reorder;
 pub mod sector;
+pub mod turntable;
 mod vitals;
 pub mod workers;
 
@@ -40,9 +43,10 @@ pub use clock::{
     ClockCounts, ClockMode, ClockParameters, ClockReport, ClockState, DeviceClock, DeviceClockKind, Mapped, Pushed,
     ResetCounts, UtcMap, UtcReading, WallClock,
 };
-pub use config::{CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing};
+pub use config::{CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableProtocol, TurntableSetup};
 pub use epoch::{Epoch, KinectScan, LidarScan, RigCloud, Scan, TimeBasis};
 pub use health::{CoreHealth, Level, SensorHealth, SensorKind};
 pub use notice::{Gravity, Notice, NoticeKind};
 pub use pipeline::{Outputs, Pipeline};
+pub use turntable::TurntableSample;
 pub use workers::Workers;

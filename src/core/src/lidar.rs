@@ -268,6 +268,7 @@ impl LidarChannel {
                 contradiction: self.decoder.contradiction().map(|product| product.to_string()),
             }),
             kinect: None,
+            turntable: None,
         }
     }
 

@@ -36,6 +36,8 @@ pub enum NoticeKind {
     Marker,
     /// The config was changed.
     Configured,
+    /// A turntable's angle is no truth any more, or is again.
+    Truth,
     /// A live session sheds scans: it cannot keep up.
     Shedding,
 }
@@ -52,6 +54,7 @@ impl NoticeKind {
             Self::UnknownSensor => "unknown_sensor",
             Self::Marker => "marker",
             Self::Configured => "configured",
+            Self::Truth => "truth",
             Self::Shedding => "shedding",
         }
     }

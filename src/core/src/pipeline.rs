@@ -3,6 +3,7 @@
 //! ```text
 //!   Event ─┬─ LidarPacket ─▶ LidarChannel ──┐
 //!          ├─ DepthFrame ──▶ KinectChannel ─┼─ epochs ─▶ Aligner ─▶ Outputs::epochs
+//!          ├─ SerialChunk ─▶ TurntableChannel ─ samples ──────────▶ Outputs::turntable
 //!          ├─ Tick ────────▶ Beat ──────────┴─ states, health ────▶ Outputs::{notices, health}
 //!          └─ Anchor, Command, Config
 //! ```
@@ -17,6 +18,7 @@ use crate::epoch::{Epoch, RigCloud};
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
+use crate::turntable::TurntableSample;
 use crate::workers::Workers;
 use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
 
@@ -29,6 +31,8 @@ pub struct Outputs {
     pub notices: Vec<Notice>,
     /// Health, once a second of the session's time.
     pub health: Vec<CoreHealth>,
+    /// Where turntables were, each turntable's in their order.
+    pub turntable: Vec<TurntableSample>,
     /// Epochs that are no longer needed.
     done: Vec<Epoch>,
 }
@@ -39,6 +43,7 @@ impl Outputs {
         self.done.append(&mut self.epochs);
         self.notices.clear();
         self.health.clear();
+        self.turntable.clear();
     }
 }
 
@@ -106,7 +111,10 @@ impl Pipeline {
         let begins_scan = self.boundaries.begins(&event.body);
         if let Some(sensor) = event.body.sensor() {
             match self.channels.find(sensor) {
-                Some(channel) => self.feed(channel, event, begins_scan),
+                Some(channel) => {
+                    self.feed(channel, event, begins_scan);
+                    self.channels.samples(channel, &mut out.turntable);
+                }
                 None => self.note_unknown(sensor, event.arrived),
             }
         }
@@ -143,7 +151,7 @@ impl Pipeline {
     /// The counts and states of every sensor as of everything seen so far, not waiting for anything.
     pub fn sensors(&self) -> Vec<SensorHealth> {
         let at = RigNs(self.now.0.saturating_add(1));
-        (0..self.channels.len()).map(|channel| self.channels.health(channel, at)).collect()
+        (0..self.channels.len()).filter_map(|channel| self.channels.health(channel, at)).collect()
     }
 
     /// Lets a sensor's channel have its event, and passes its epochs on.
@@ -222,9 +230,9 @@ impl Pipeline {
         let may_come = self.channels.may_come(channel, t, self.config.timing.silent_after);
         self.channels.silence(channel, t);
         self.collect(channel, t, !may_come);
-        let health = beat::is_second(instant).then(|| {
+        let health = beat::is_second(instant).then_some(()).and_then(|()| {
             self.channels.begin_second(channel, instant);
-            Box::new(self.channels.health(channel, t))
+            self.channels.health(channel, t).map(Box::new)
         });
         Pulse { state: self.channels.state(channel, t), may_come, health }
     }

@@ -2,6 +2,7 @@
 
 use crate::clock::ClockState;
 use crate::health::{Level, Reason, SensorHealth, SensorKind, SensorState};
+use crate::turntable::TurntableHealth;
 use std::collections::{BTreeMap, VecDeque};
 
 /// So small a share of packets may be lost without a word.
@@ -100,7 +101,10 @@ fn state(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
             "fault",
             format!("{id} is frozen, it sends the same frame again and again: unplug it and plug it in again"),
         ),
-        (SensorState::Fault, _) => (
+        (SensorState::Fault, SensorKind::Serial) => {
+            ("fault", format!("nothing {id} sends can be read: check turntable.protocol and turntable.baud"))
+        }
+        (SensorState::Fault, SensorKind::Lidar) => (
             "fault",
             format!("{id} sends data that cannot be read: check lidar.{id}.model, or another sender on its port"),
         ),
@@ -138,6 +142,9 @@ fn quality(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
             format!("{id}'s clock does not run evenly (skew {skew:+.0} ppm): its times may be wrong"),
         ));
     }
+    if let Some(turntable) = &sensor.turntable {
+        truth(sensor, turntable, reasons);
+    }
     let Some(lidar) = &sensor.lidar else { return };
     if let Some(coverage) = lidar.coverage.filter(|coverage| *coverage < LEAST_COVERAGE) {
         let seen = 100.0 * coverage;
@@ -155,5 +162,17 @@ fn quality(sensor: &SensorHealth, reasons: &mut Vec<Reason>) {
             "model",
             format!("{id}'s packets say {found}: set lidar.{id}.model to what it is"),
         ));
+    }
+}
+
+fn truth(sensor: &SensorHealth, turntable: &TurntableHealth, reasons: &mut Vec<Reason>) {
+    let id = &sensor.id;
+    if let (Some(why), Some(since)) = (&turntable.invalid_because, turntable.invalid_since_ns) {
+        let since_s = since as f64 * 1e-9;
+        reasons.push(reason(sensor, "truth", format!("{id}'s angle is no truth from {since_s:.1} s on: {why}")));
+    }
+    if turntable.counts_per_turn.is_none() {
+        let message = format!("{id} has not said how many counts a turn has: set turntable.counts_per_turn");
+        reasons.push(reason(sensor, "counts", message));
     }
 }

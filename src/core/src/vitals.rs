@@ -26,8 +26,18 @@ pub(crate) struct Vitals {
 impl Vitals {
     /// A datum came.
     pub(crate) fn datum(&mut self, arrived: RigNs, bytes: usize) {
+        self.carried(bytes);
+        self.fresh(arrived);
+    }
+
+    /// Something came that is no datum by itself: a question on a serial line, a part of a reply.
+    pub(crate) fn carried(&mut self, bytes: usize) {
         self.received += 1;
         self.bytes += bytes as u64;
+    }
+
+    /// What came makes a datum.
+    pub(crate) fn fresh(&mut self, arrived: RigNs) {
         if let Some(newest) = self.newest {
             let interval_ns = (arrived - newest).0.clamp(0, 10_000_000_000);
             self.interval_ns += (interval_ns - self.interval_ns) / 8;

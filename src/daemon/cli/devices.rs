@@ -5,7 +5,10 @@ use std::time::Duration;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tumbled_io::machine::{self, Interface, KinectFinding, KinectPart, KinectUsb, SerialPort, camera_findings};
+use tumbled_io::live::SourceWarning;
+use tumbled_io::machine::{
+    self, Interface, KinectFinding, KinectPart, KinectUsb, SerialAccess, SerialPort, camera_findings,
+};
 
 use super::{ConfigArgs, Failure, Outcome, output, quantity};
 use crate::decoding::listening::{HeardPort, HeardPorts, Listening, Sender};
@@ -52,6 +55,10 @@ pub struct SerialReport {
     pub device: String,
     /// Names that stay the same wherever it is plugged in: what a config should name.
     pub stable: Vec<String>,
+    /// Its adapter's USB serial number, which a config may name as `usb:NUMBER`; null: it has none.
+    pub usb_serial: Option<String>,
+    /// What keeps it from being used, or from being used well, and what to do about it.
+    pub troubles: Vec<String>,
 }
 
 /// A part of a Kinect.
@@ -138,7 +145,7 @@ fn report(root: &Path, heard: &HeardPorts) -> DevicesReport {
     let powerless = found.filter(|finding| matches!(finding, KinectFinding::NoCamera { other_parts: true }));
     warnings.extend(powerless.map(|finding| finding.to_string()));
     DevicesReport {
-        serial_ports: machine::serial_ports(root).iter().map(serial).collect(),
+        serial_ports: machine::serial_ports(root).iter().map(|port| serial(root, port)).collect(),
         kinects: machine::kinects(root).iter().map(|part| kinect(root, part)).collect(),
         interfaces: interfaces.iter().map(interface).collect(),
         lidars: heard.ports.iter().flat_map(|port| lidars(port, heard.time)).collect(),
@@ -147,9 +154,23 @@ fn report(root: &Path, heard: &HeardPorts) -> DevicesReport {
     }
 }
 
-fn serial(port: &SerialPort) -> SerialReport {
-    let stable = port.stable.iter().map(|name| name.display().to_string());
-    SerialReport { device: port.device.display().to_string(), stable: stable.collect() }
+fn serial(root: &Path, port: &SerialPort) -> SerialReport {
+    let stable = port.stable.iter().map(|name| name.display().to_string()).collect();
+    let usb_serial = machine::usb_serial(root, &port.device);
+    SerialReport { device: port.device.display().to_string(), stable, usb_serial, troubles: troubles(root, port) }
+}
+
+fn troubles(root: &Path, port: &SerialPort) -> Vec<String> {
+    let device = root.join(port.device.strip_prefix("/").unwrap_or(&port.device));
+    let forbidden = machine::serial_access(&device) == SerialAccess::Forbidden;
+    let holders = machine::serial_holders(root, &port.device);
+    let slow = machine::latency_timer_ms(root, &port.device).filter(|ms| *ms > 1);
+    let troubles = [
+        forbidden.then(|| "not for this user: `usermod -aG dialout USER` and log in anew".to_owned()),
+        (!holders.is_empty()).then(|| format!("in use{}", machine::in_use_by(&holders))),
+        slow.map(|ms| SourceWarning::SlowSerialAdapter { ms }.to_string()),
+    ];
+    troubles.into_iter().flatten().collect()
 }
 
 fn kinect(root: &Path, usb: &KinectUsb) -> KinectReport {
@@ -192,11 +213,7 @@ fn text(report: &DevicesReport) -> String {
         let lines = if lines.is_empty() { vec![none.to_owned()] } else { lines };
         lines.iter().for_each(|line| text.push_str(&format!("  {line}\n")));
     };
-    let serial = |port: &SerialReport| match port.stable.as_slice() {
-        [] => port.device.clone(),
-        names => format!("{}  {}", port.device, names.join("  ")),
-    };
-    block("serial ports", report.serial_ports.iter().map(serial).collect(), "none");
+    block("serial ports", report.serial_ports.iter().flat_map(serial_lines).collect(), "none");
     block("Kinects on the USB", report.kinects.iter().flat_map(kinect_lines).collect(), "none");
     let interface = |interface: &InterfaceReport| {
         let state = if interface.running { "" } else { ", not running" };
@@ -219,6 +236,14 @@ fn kinect_lines(usb: &KinectReport) -> Vec<String> {
     let model = usb.model.as_ref().map_or_else(String::new, |model| format!(", {model}"));
     let line = format!("{}: Kinect {} ({}){model}{serial}", usb.place, usb.part, usb.id);
     core::iter::once(line).chain(usb.troubles.iter().map(|trouble| format!("  ! {trouble}"))).collect()
+}
+
+/// The port's names, and below them what is wrong with it.
+fn serial_lines(port: &SerialReport) -> Vec<String> {
+    let number = port.usb_serial.as_ref().map(|number| format!("usb:{number}"));
+    let names = core::iter::once(&port.device).chain(&port.stable).chain(&number);
+    let line = names.map(String::as_str).collect::<Vec<_>>().join("  ");
+    core::iter::once(line).chain(port.troubles.iter().map(|trouble| format!("  ! {trouble}"))).collect()
 }
 
 fn lidar_line(lidar: &HeardLidar) -> String {

@@ -148,7 +148,6 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         None => {
             kinects::refuse_unreadable(&loaded.config)?;
-            warn_of_the_turntable(&loaded.config);
             (Origin::Live, StreamOrigin::Live)
         }
     };
@@ -242,13 +241,6 @@ fn tell_simulated(args: &Args, rig: &SimulatedRig) {
     }
 }
 
-/// What this program cannot measure with must not look as if it did.
-fn warn_of_the_turntable(config: &Config) {
-    if config.turntable.is_some() {
-        tracing::warn!("this build does not read the turntable: its angle is not known");
-    }
-}
-
 /// Until the end; whether it came by --duration.
 fn supervise(
     args: &Args,
@@ -338,6 +330,14 @@ fn report(about: &About<'_>, scene: Option<&Scene>, end: SessionEnd) -> Result<R
     })
 }
 
+/// Where a turntable's angle was no truth at the end; empty: it was, or there is none.
+fn truth(sensor: &SensorHealth) -> String {
+    let turntable = sensor.turntable.as_ref();
+    let invalid = turntable.and_then(|turntable| turntable.invalid_since_ns.zip(turntable.invalid_because.as_deref()));
+    invalid
+        .map_or_else(String::new, |(since, why)| format!("    no truth from {:.3} s on: {why}\n", since as f64 * 1e-9))
+}
+
 fn text(report: &RunReport) -> String {
     let RunReport { checkpoint, duration_s, .. } = report;
     let mut text = String::new();
@@ -353,7 +353,12 @@ fn text(report: &RunReport) -> String {
     text.push_str(&format!("{} events, {} epochs in {duration_s:.1} s\n", checkpoint.events, checkpoint.epochs));
     for sensor in &report.sensors {
         let SensorHealth { id, received, lost, points, .. } = sensor;
-        text.push_str(&format!("  {id}: {received} received, {} lost, {} points\n", lost.total, points.in_epochs));
+        let made = match &sensor.turntable {
+            Some(turntable) => format!("{} angles", turntable.samples),
+            None => format!("{} points", points.in_epochs),
+        };
+        text.push_str(&format!("  {id}: {received} received, {} lost, {made}\n", lost.total));
+        text.push_str(&truth(sensor));
     }
     let of_scene = report.simulation.iter().filter_map(|simulation| simulation.faults.as_ref());
     for line in of_scene.flat_map(faults::lines) {

@@ -196,7 +196,12 @@ impl Rules<'_> {
     fn turntable(&mut self, raw: RawTurntable) -> TurntableConfig {
         let help = "name the serial device, e.g. port = \"/dev/rig/turntable\", or leave [turntable] out";
         self.not_empty(&keys(&["turntable", "port"]), &raw.port, help);
-        TurntableConfig { port: raw.port, protocol: raw.protocol }
+        let RawTurntable { port, protocol, baud, counts_per_turn } = raw;
+        if !(1_200..=4_000_000).contains(&baud) {
+            let help = "write the rate that the device is set to, e.g. baud = 115200";
+            self.broken(&keys(&["turntable", "baud"]), format!("{baud} is no rate of a serial line"), help);
+        }
+        TurntableConfig { port, protocol, baud, counts_per_turn: Some(counts_per_turn).filter(|counts| *counts > 0) }
     }
 
     /// `Some(None)`: not set. `None`: set to something that is no address, reported.

@@ -150,10 +150,14 @@ pub struct KinectConfig {
 /// The turntable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TurntableConfig {
-    /// The serial device; not empty.
+    /// The serial device, or `usb:` and its adapter's USB serial number; not empty.
     pub port: String,
     /// What is spoken on it.
     pub protocol: TurntableProtocol,
+    /// The line's rate, bits a second; 1200 to 4 000 000.
+    pub baud: u32,
+    /// Counts of a full turn; `None`: the device says.
+    pub counts_per_turn: Option<u32>,
 }
 
 /// Where the target is looked for.

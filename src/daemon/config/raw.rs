@@ -309,11 +309,23 @@ impl Default for Intrinsics {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawTurntable {
-    /// The serial device.
+    /// The serial device, best by a name that stays (`/dev/serial/by-id/…`); or `usb:` and its adapter's USB serial number.
     pub port: String,
     /// What is spoken on it.
     #[serde(default)]
     pub protocol: TurntableProtocol,
+    /// The line's rate, bits a second; 8 bits, no parity, one stop bit.
+    #[serde(default = "usual_baud")]
+    #[schemars(range(min = 1_200, max = 4_000_000))]
+    pub baud: u32,
+    /// Counts of a full turn of the table, where the device's own number is not that (a gear) or it tells none. 0: the device's.
+    #[serde(default)]
+    pub counts_per_turn: u32,
+}
+
+/// What Zaber devices come with.
+fn usual_baud() -> u32 {
+    115_200
 }
 
 /// What a turntable's serial port speaks.

@@ -1,10 +1,10 @@
 //! From the config to what the core has to know of the rig.
 
-use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing};
+use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableSetup};
 use tumbled_model::SensorId;
 
 use crate::cli::Failure;
-use crate::config::{ClockMethod, Config};
+use crate::config::{ClockMethod, Config, TurntableConfig, TurntableProtocol};
 use crate::decoding::{kinect, lidar};
 
 /// The turntable's name among the sensors.
@@ -31,7 +31,7 @@ pub fn core_config(config: &Config) -> Result<CoreConfig, Failure> {
     Ok(CoreConfig {
         lidars: lidars.collect::<Result<_, Failure>>()?,
         kinects: kinects.collect::<Result<_, Failure>>()?,
-        serials: config.turntable.iter().map(|_| SensorId::from(TURNTABLE)).collect(),
+        turntables: config.turntable.iter().map(turntable).collect(),
         roi: RegionOfInterest { center: config.target.roi_center, radius_m: config.target.roi_radius_m },
         timing: Timing {
             clock: match config.time.clock {
@@ -44,4 +44,16 @@ pub fn core_config(config: &Config) -> Result<CoreConfig, Failure> {
         },
         ignore_skips: false,
     })
+}
+
+fn turntable(turntable: &TurntableConfig) -> TurntableSetup {
+    TurntableSetup {
+        id: SensorId::from(TURNTABLE),
+        protocol: match turntable.protocol {
+            TurntableProtocol::Zaber => tumbled_core::TurntableProtocol::Zaber,
+            TurntableProtocol::Line => tumbled_core::TurntableProtocol::Line,
+        },
+        baud: turntable.baud,
+        counts_per_turn: turntable.counts_per_turn,
+    }
 }

@@ -5,13 +5,14 @@
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_io::live::{
-    Backoff, Device, Intake, Ledger, Opener, QueueBound, SessionClock, Source, SourceCounters, StopToken, Supervised,
-    UdpConfig, UdpInfo, UdpOpener, supervise,
+    Backoff, Device, Intake, Ledger, Opener, PortName, QueueBound, SerialConfig, SerialOpener, SerialProtocol,
+    SessionClock, Source, SourceCounters, StopToken, Supervised, UdpConfig, UdpInfo, UdpOpener, supervise,
 };
 use tumbled_model::SensorId;
 
@@ -19,7 +20,7 @@ use super::kinects;
 use super::setup::TURNTABLE;
 use super::standing::Standing;
 use crate::cli::Failure;
-use crate::config::{Config, KinectConfig, LidarConfig};
+use crate::config::{Config, KinectConfig, LidarConfig, TurntableConfig, TurntableProtocol};
 use crate::simulation::live::shortfall::ShortfallReport;
 use crate::simulation::live::{DoneFaults, RunningScene, SimulatedRig, Way};
 use crate::stream::SourceHealth;
@@ -77,8 +78,8 @@ pub struct RunningSource {
     supervised: Option<Supervised>,
 }
 
-/// Opens every source of the config: a port that is taken is told at once, before anything runs. A Kinect is opened on its
-/// own thread: one that is absent or does not answer holds up neither the start nor the stop.
+/// Opens every source of the config: a port that is taken is told at once, before anything runs. A Kinect and a turntable
+/// are opened on their own threads: one that is absent or does not answer holds up neither the start nor the stop.
 ///
 /// # Errors
 /// Exit code 2: two LiDARs on one port, a Kinect that this build cannot read. 1: a port that cannot be had.
@@ -99,6 +100,7 @@ pub fn open(
             for kinect in &config.kinects {
                 sources.push(kinect_source(kinect, ledger, clock, stop)?);
             }
+            sources.extend(config.turntable.as_ref().map(|turntable| turntable_source(turntable, ledger, clock, stop)));
             Ok(OpenedSources { sources, scene: None })
         }
         Rig::Simulated(scene) => open_simulated(scene, config, ledger, clock),
@@ -114,6 +116,28 @@ fn kinect_source(
     let (opener, backoff) = kinects::opener(kinect, clock, stop)?;
     let intake = ledger.intake(kinect.id.clone(), QueueBound::KINECT_FRAMES);
     Ok(OpenedSource::Supervised { opener, first: None, intake, backoff })
+}
+
+fn turntable_source(
+    turntable: &TurntableConfig,
+    ledger: &mut Ledger,
+    clock: &SessionClock,
+    stop: &StopToken,
+) -> OpenedSource {
+    let sensor = SensorId::from(TURNTABLE);
+    let intake = ledger.intake(sensor.clone(), QueueBound::SERIAL_CHUNKS);
+    let serial = SerialConfig {
+        sensor,
+        port: PortName::parse(&turntable.port),
+        protocol: match turntable.protocol {
+            TurntableProtocol::Zaber => SerialProtocol::Zaber,
+            TurntableProtocol::Line => SerialProtocol::Line,
+        },
+        baud: turntable.baud,
+        root: PathBuf::from("/"),
+    };
+    let opener = Box::new(SerialOpener::new(serial, clock.clone(), stop.clone()));
+    OpenedSource::Supervised { opener, first: None, intake, backoff: SerialOpener::BACKOFF }
 }
 
 fn open_udp(udp: UdpConfig, ledger: &mut Ledger, clock: &SessionClock) -> Result<(OpenedSource, Device), Failure> {

@@ -58,6 +58,13 @@ fn opened(sensor: &str, info: &SourceInfo) {
             let place = kinect.place.as_deref().unwrap_or("unknown");
             tracing::info!(%sensor, model, serial, place, recorded = kinect.recorded, "receiving from a Kinect");
         }
+        Device::Serial(serial) => {
+            let (port, baud) = (serial.path.display(), serial.baud);
+            match serial.axis {
+                Some(axis) => tracing::info!(%sensor, %port, baud, device = axis.device, axis = axis.axis, "reading"),
+                None => tracing::info!(%sensor, %port, baud, "reading"),
+            }
+        }
         _ => tracing::info!(%sensor, "receiving"),
     }
     for warning in &info.warnings {

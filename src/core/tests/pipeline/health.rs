@@ -50,13 +50,16 @@ fn the_numbers_are_those_of_the_session() {
     let near = sensor(last, KINECT);
     assert_eq!((near.received, near.points.in_epochs), (150, 150 * KINECT_POINTS));
     assert_eq!(near.epochs, EpochHealth { given_out: frames, ..EpochHealth::default() });
-    assert_eq!(sensor(last, TABLE).received, 100);
+    // Twenty a second and the counts of a turn, each asked and answered.
+    assert_eq!(sensor(last, TABLE).received, 2 * 101);
 
-    // 1507 packets a second, 2 % lost, 1 % repeated; thirty frames; twenty chunks.
+    // 1507 packets a second, 2 % lost, 1 % repeated; thirty frames; twenty questions and twenty answers.
     let third = &out.health[2];
     assert!((1_440.0..1_540.0).contains(&sensor(third, LIDAR).rate_hz), "{}", sensor(third, LIDAR).rate_hz);
     assert!((29.0..=31.0).contains(&sensor(third, KINECT).rate_hz));
-    assert_eq!((sensor(third, TABLE).rate_hz, sensor(last, TABLE).rate_hz), (20.0, 0.0));
+    assert_eq!((sensor(third, TABLE).rate_hz, sensor(last, TABLE).rate_hz), (40.0, 0.0));
+    let table = sensor(third, TABLE).turntable.as_ref().expect("a turntable");
+    assert_eq!((table.samples_hz, table.counts_per_turn), (20.0, Some(36_000)));
 }
 
 /// The keys of the reasons in each report.
@@ -79,7 +82,7 @@ fn a_reason_shows_in_its_second_report_and_goes_in_the_second_without_it() {
     silent_between(&mut near, 2 * S, 5 * S);
     let front = lidar(&packets(&vlp32c(), 9 * S), Way::UDP, 1);
     let mut config = rig::whole();
-    config.serials.clear();
+    config.turntables.clear();
     let (_, out) = run_with(config, &ledger(&[near, front, ticks(10 * S)]), |_| {});
     // Stale at 3, 4 and 5 s (the first frame comes behind 5 s): told at 4 and 5, and at 6, which is the first without.
     let degraded = (Level::Degraded, vec!["stale"]);

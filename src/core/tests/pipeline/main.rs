@@ -10,6 +10,7 @@ mod skips;
 mod states;
 mod support;
 mod turns;
+mod turntable;
 mod watermarks;
 // The synthetic sensor of the decoder's own tests.
 #[allow(dead_code, reason = "this binary uses its part")]

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use tumbled_io::live::ReceiveBuffer;
 use tumbled_io::live::udp::SMALL_RECEIVE_BUFFER_BYTES;
-use tumbled_io::machine::{SerialAccess, serial_access};
+use tumbled_io::live::{PortName, ReceiveBuffer, SerialTrouble, SourceWarning};
+use tumbled_io::machine::{SerialAccess, in_use_by, latency_timer_ms, serial_access, serial_holders};
 use tumbled_io::recording::{FileSystem, Storage};
 
 use super::report::Finding;
@@ -85,21 +85,27 @@ pub(super) fn wall_clock(root: &Path) -> Finding {
     Finding::warn(CHECK, message, "`timedatectl` or `chronyc tracking` tells it; times of recordings rest on it")
 }
 
-/// The turntable's serial port.
-pub(super) fn turntable(turntable: &TurntableConfig) -> Finding {
+/// The turntable's serial port; what the system says of it lies below `root`. It is not opened: that resets many a
+/// microcontroller.
+pub(super) fn turntable(turntable: &TurntableConfig, root: &Path) -> Finding {
     const CHECK: &str = "turntable";
-    let finding = match serial_access(Path::new(&turntable.port)) {
-        SerialAccess::Usable => Finding::ok(CHECK, "the serial port is there and may be used"),
-        SerialAccess::Absent => Finding::fail(
-            CHECK,
-            "there is no such serial port",
-            "`tumbled devices` lists those there are: set turntable.port",
-        ),
-        SerialAccess::NoDevice => Finding::fail(
-            CHECK,
-            "this is no serial device",
-            "`tumbled devices` lists those there are: set turntable.port",
-        ),
+    const ELSEWHERE: &str = "`tumbled devices` lists those there are: set turntable.port";
+    let port = match PortName::parse(&turntable.port).find(root) {
+        Ok(port) => port,
+        Err(SerialTrouble::SeveralAdapters { devices, .. }) => {
+            let devices: Vec<String> = devices.iter().map(|device| device.display().to_string()).collect();
+            let message = format!("several serial ports have this USB serial number: {}", devices.join(", "));
+            return Finding::fail(CHECK, message, "set turntable.port to one of them").of(&turntable.port);
+        }
+        Err(_) => {
+            let message = "no serial adapter has this USB serial number";
+            return Finding::fail(CHECK, message, ELSEWHERE).of(&turntable.port);
+        }
+    };
+    let finding = match serial_access(&port) {
+        SerialAccess::Usable => usable(&port, root),
+        SerialAccess::Absent => Finding::fail(CHECK, "there is no such serial port", ELSEWHERE),
+        SerialAccess::NoDevice => Finding::fail(CHECK, "this is no serial device", ELSEWHERE),
         SerialAccess::Forbidden => Finding::fail(
             CHECK,
             "the serial port is there, and this user may not use it",
@@ -107,6 +113,24 @@ pub(super) fn turntable(turntable: &TurntableConfig) -> Finding {
         ),
     };
     finding.of(&turntable.port)
+}
+
+fn usable(port: &Path, root: &Path) -> Finding {
+    const CHECK: &str = "turntable";
+    let holders = serial_holders(root, port);
+    if !holders.is_empty() {
+        return Finding::fail(CHECK, format!("the serial port is in use{}", in_use_by(&holders)), "end that program");
+    }
+    match latency_timer_ms(root, port) {
+        Some(ms) if ms > 1 => Finding::warn(
+            CHECK,
+            format!(
+                "the serial port may be used; its adapter holds bytes back for {ms} ms, and the angle's time is that uncertain"
+            ),
+            SourceWarning::LATENCY_RULE,
+        ),
+        _ => Finding::ok(CHECK, "the serial port is there, free, and may be used"),
+    }
 }
 
 #[cfg(test)]

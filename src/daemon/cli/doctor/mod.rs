@@ -99,7 +99,7 @@ fn examine(args: &Args, loaded: &Loaded) -> Result<Vec<Finding>, Failure> {
 /// What is looked for in files and sockets; system files below `root`.
 fn around(config: &Config, folder: &Path, root: &Path) -> Vec<Finding> {
     let mut findings: Vec<Finding> = config.kinects.iter().flat_map(|kinect| kinect::check(kinect, root)).collect();
-    findings.extend(config.turntable.as_ref().map(machine::turntable));
+    findings.extend(config.turntable.as_ref().map(|turntable| machine::turntable(turntable, root)));
     findings.push(machine::disk(config, folder));
     findings.push(machine::wall_clock(root));
     findings.extend(listeners::check(&config.stream));

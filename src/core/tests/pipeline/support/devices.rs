@@ -8,6 +8,7 @@ use bytes::Bytes;
 use std::sync::OnceLock;
 use tumbled_kinect::{MmImage, encode_mm};
 use tumbled_model::{Body, DepthEncoding, KinectTicks, LidarTime, PacketMask, SensorId};
+use tumbled_serial::zaber::{Address, Command, Message, MessageId, Reply, Request, Setting, Warning};
 use tumbled_velodyne::encode::DataPacketBuilder;
 use tumbled_velodyne::{Model, ReturnMode};
 
@@ -118,13 +119,26 @@ pub(crate) fn depth_frame(n: i64, ticks: Option<KinectTicks>) -> Body {
 /// Pixels with a depth in each of the frames.
 pub(crate) const KINECT_POINTS: u64 = 64;
 
-/// A serial device that says something every 50 ms.
+/// A chunk on the turntable's line.
+pub(crate) fn chunk(bytes: Vec<u8>) -> Body {
+    Body::SerialChunk { sensor: SensorId::from(TABLE), bytes: Bytes::from(bytes) }
+}
+
+/// A question and its answer: the request has left at `at`, the reply is there 2 ms later.
+pub(crate) fn asked(n: i64, at: i64, setting: Setting, warning: Warning, data: i64) -> [(i64, Body); 2] {
+    let id = MessageId::new((n.rem_euclid(100)) as u8).expect("below 100");
+    let axis = Address { device: 1, axis: 1 };
+    let request = Request::new(axis, id, Command::Get(setting));
+    let reply =
+        Reply { address: request.address, id: request.id, accepted: true, busy: true, warning, data: data.to_string() };
+    [(at, chunk(request.encode())), (at + 2 * MS, chunk(Message::Reply(reply).encode(true)))]
+}
+
+/// A turntable of 36 000 counts a turn that is asked every 50 ms where it is, and turns by 1° meanwhile.
 pub(crate) fn serial(until_ns: i64) -> Source {
-    let chunk = |n: i64| {
-        let bytes = Bytes::from(format!("@01 0 OK IDLE -- {n}\r\n"));
-        (n * 50 * MS + 7 * MS, Body::SerialChunk { sensor: SensorId::from(TABLE), bytes })
-    };
-    (0..until_ns / (50 * MS)).map(chunk).collect()
+    let position = |n: i64| asked(n, n * 50 * MS + 7 * MS, Setting::EncoderPos, Warning::NONE, 100 * n);
+    let first = asked(-1, 0, Setting::LimitCycleDist, Warning::NONE, 36_000);
+    first.into_iter().chain((0..until_ns / (50 * MS)).flat_map(position)).collect()
 }
 
 /// A source without what it sent between two times.

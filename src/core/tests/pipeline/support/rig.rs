@@ -1,7 +1,7 @@
 //! The rig that the sessions are of: a LiDAR `front`, a Kinect `near`, a serial device `table`.
 
 use std::sync::OnceLock;
-use tumbled_core::{CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing};
+use tumbled_core::{CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableProtocol, TurntableSetup};
 use tumbled_kinect::{BackProjector, DepthTable, Intrinsics, NoiseModel, ZeroPlane};
 use tumbled_model::{Iso, Point, SensorId, Span};
 use tumbled_velodyne::stream::Settings;
@@ -20,7 +20,7 @@ pub(crate) fn lidar_only() -> CoreConfig {
             time_offset: Span(0),
         }],
         kinects: Vec::new(),
-        serials: Vec::new(),
+        turntables: Vec::new(),
         roi: RegionOfInterest { center: Point::new(2.0, 0.0, 0.0), radius_m: 1.2 },
         timing: Timing::default(),
         ignore_skips: false,
@@ -46,7 +46,18 @@ pub(crate) fn kinect_only() -> CoreConfig {
     }
 }
 
+/// A turntable alone, without a line: what it says is there at once.
+pub(crate) fn turntable_only() -> CoreConfig {
+    let setup = TurntableSetup {
+        id: SensorId::from(TABLE),
+        protocol: TurntableProtocol::Zaber,
+        baud: 0,
+        counts_per_turn: None,
+    };
+    CoreConfig { lidars: Vec::new(), turntables: vec![setup], ..lidar_only() }
+}
+
 /// All three.
 pub(crate) fn whole() -> CoreConfig {
-    CoreConfig { lidars: lidar_only().lidars, serials: vec![SensorId::from(TABLE)], ..kinect_only() }
+    CoreConfig { lidars: lidar_only().lidars, turntables: turntable_only().turntables, ..kinect_only() }
 }
