@@ -43,6 +43,8 @@ mod stream_limits;
 mod stream_protocol;
 mod stream_sockets;
 mod support;
+mod turntable_faults;
+mod turntable_live;
 #[cfg(feature = "kinect-usb")]
 mod whole_rig;
 

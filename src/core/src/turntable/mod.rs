@@ -15,6 +15,7 @@ mod truth;
 pub use health::{TruthState, TurntableHealth};
 pub use sample::TurntableSample;
 
+use std::collections::BTreeMap;
 use crate::config::{CoreConfig, TurntableSetup};
 use crate::health::{EpochHealth, LossHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
 use crate::lidar::Remark;
@@ -196,6 +197,7 @@ impl TurntableChannel {
             age_ns: age_ns(t, self.vitals.newest),
             lost,
             malformed: self.speech.malformed(),
+            malformed_first: BTreeMap::new(),
             duplicates: 0,
             reordered: 0,
             points: PointHealth::default(),
