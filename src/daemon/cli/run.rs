@@ -18,7 +18,7 @@ use tumbled_sim::scene::Scene;
 use super::record::RecorderArgs;
 use super::signals::{self, Signals};
 use super::{ConfigArgs, Failure, Outcome, output, render};
-use crate::config::{Config, Loaded, show};
+use crate::config::{Loaded, show};
 use crate::quantity;
 use crate::session::chain::rig_digest;
 use crate::session::live::{self, CorePart, RecordingPart};

@@ -15,7 +15,6 @@ mod truth;
 pub use health::{TruthState, TurntableHealth};
 pub use sample::TurntableSample;
 
-use std::collections::BTreeMap;
 use crate::config::{CoreConfig, TurntableSetup};
 use crate::health::{EpochHealth, LossHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
 use crate::lidar::Remark;
@@ -24,6 +23,7 @@ use crate::vitals::Vitals;
 use bytes::Bytes;
 use sample::{Angles, Reading};
 use speech::{Said, Speech};
+use std::collections::BTreeMap;
 use truth::Truth;
 use tumbled_model::{RigNs, SensorId, SourceState};
 use tumbled_serial::zaber::Scale;
