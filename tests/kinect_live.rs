@@ -191,8 +191,9 @@ fn a_frozen_kinect_is_a_fault_and_none_of_its_frames_is_used() {
     let live = report(&running.stop().0);
     let near = live.sensors.iter().find(|sensor| sensor.id == "near").expect("the Kinect");
     assert!(near.duplicates >= 10, "{near:?}");
-    // Each frame is an epoch or a repetition; or it was shed, or of a Kinect that had just come back.
-    assert!(near.epochs.given_out + near.duplicates <= near.received, "{near:?}");
+    // No repetition gave a point: so many frames with a point in each pixel of their upper rows, or fewer where this machine
+    // was too busy for some.
+    assert!(near.points.in_epochs <= (near.received - near.duplicates) * (640 * ROWS) as u64, "{near:?}");
     assert_replays_the_same(&usb, &live);
 }
 

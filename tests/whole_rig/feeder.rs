@@ -42,7 +42,9 @@ impl Feeder {
     /// Starts it and waits until its scene is built.
     pub(crate) fn start(kinect: &Path, stage: &Path) -> Self {
         let this = std::env::current_exe().expect("it has a path");
-        let mut command = Command::new(this);
+        // Sensors do not compete with the program for this machine's processors; where `nice` may not, it goes on without.
+        let mut command = Command::new("nice");
+        command.args(["-n", "-15"]).arg(this);
         command.args(["--ignored", "--exact", "whole_rig::feeder::child", "--nocapture"]);
         command.env(KINECT, kinect).env(STAGE, stage).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().expect("starts");

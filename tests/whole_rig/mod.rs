@@ -97,7 +97,7 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
     assert_eq!(sent.frames(0).filter(cut).count(), 0);
     for sensor in [front, near] {
         assert_eq!(sensor.clock.expect("it has one").state, ClockState::Locked, "{sensor:?}");
-        assert!(sensor.epochs.given_out > 0, "{sensor:?}");
+        assert!(sensor.points.in_epochs > 0, "{sensor:?}");
     }
     let recorded: Vec<String> = parts(&usb, &live).iter().map(|part| part.display().to_string()).collect();
     let recorded: Vec<&str> = recorded.iter().map(String::as_str).collect();
