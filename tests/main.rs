@@ -10,6 +10,7 @@ mod endless_scenes;
 mod export_cli;
 mod export_losses;
 mod export_outputs;
+mod faults;
 mod foreign_kinect;
 mod foreign_lidar;
 #[cfg(feature = "foxglove")]
