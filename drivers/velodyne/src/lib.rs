@@ -43,6 +43,7 @@ pub mod encode;
 pub mod hdl64;
 pub mod heads;
 pub mod models;
+mod order;
 pub mod points;
 pub mod position;
 mod settings;

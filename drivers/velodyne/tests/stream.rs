@@ -155,7 +155,9 @@ fn payloads_are_counted_by_what_is_wrong_and_the_first_of_each_kind_is_kept() {
         decoder.push(&vec![0; len], RigNs(0), &mut out);
     }
     for flag in 0..=u8::MAX {
-        decoder.push(&[flag; 1206], RigNs(0), &mut out);
+        let mut bytes = [flag; 1206];
+        bytes[1205] = 0x28; // a VLP-32C, by what it says
+        decoder.push(&bytes, RigNs(0), &mut out);
     }
     decoder.push(&[0xFF; 512], RigNs(0), &mut out);
     let refused: Vec<(&str, u64, Rejection)> =
