@@ -3,6 +3,7 @@
 use tumbled::cli::replay::ReplayReport;
 use tumbled::stream::StreamOrigin;
 use tumbled_core::ClockState;
+use tumbled_core::turntable::TruthState;
 use tumbled_io::recording::Reader;
 use tumbled_model::Body;
 use tumbled_serial::log::LogEntry;
@@ -37,8 +38,11 @@ fn a_scene_is_a_healthy_rig_whose_clocks_lock_and_whose_points_all_count() {
     // 30 frames a second; 6 s / 663.552 µs = 9042.3 packets, and a position packet each tenth of a second.
     assert_eq!(near.received, 180);
     assert!((9_102..=9_104).contains(&front.received), "{}", front.received);
-    // 50 readings a second of three chunks each: a request, the first byte of the reply, the rest. Six answers open.
-    assert!((880..=918).contains(&turntable.received), "{}", turntable.received);
+    // 50 readings a second of three chunks each: a request, the first byte of the reply, the rest. Six answers open; twice a
+    // second the drive is asked for its error.
+    assert!((880 + 33..=918 + 36).contains(&turntable.received), "{}", turntable.received);
+    let angles = turntable.turntable.as_ref().expect("a turntable");
+    assert!((280..=300).contains(&angles.samples) && angles.truth == TruthState::Valid, "{angles:?}");
     for sensor in [near, front] {
         let clock = sensor.clock.expect("a clock");
         assert_eq!((clock.state, sensor.lost.total), (ClockState::Locked, 0), "{}", sensor.id);
