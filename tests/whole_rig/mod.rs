@@ -15,6 +15,7 @@ use tumbled::cli::replay::ReplayReport;
 use tumbled::cli::run::RunReport;
 use tumbled::simulation::scenes;
 use tumbled_core::ClockState;
+use tumbled_core::turntable::TruthState;
 use tumbled_io::recording::Reader;
 use tumbled_model::{Body, RigNs};
 use tumbled_sim::session::Simulation;
@@ -99,6 +100,12 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
         assert_eq!(sensor.clock.expect("it has one").state, ClockState::Locked, "{sensor:?}");
         assert!(sensor.points.in_epochs > 0, "{sensor:?}");
     }
+    let stage = sensor("turntable").turntable.as_ref().expect("a turntable");
+    println!(
+        "{} angles of the stage, half a round trip {:?} ns, truth {:?}",
+        stage.samples, stage.half_rtt_ns, stage.truth
+    );
+    assert!(stage.samples > 0 && stage.truth == TruthState::Valid, "{stage:?}");
     let recorded: Vec<String> = parts(&usb, &live).iter().map(|part| part.display().to_string()).collect();
     let recorded: Vec<&str> = recorded.iter().map(String::as_str).collect();
     let done = usb.bench.run(&[&["replay"][..], &recorded, &["--json"]].concat());
