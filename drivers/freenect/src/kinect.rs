@@ -98,7 +98,12 @@ impl Kinect {
         let beat = (0, Instant::now());
         let mut kinect = Self { opened, shared, begin: Some(begin), reports, presence, beat, ended: false };
         // On an error the handle is dropped, which stops the thread or leaves it behind.
-        kinect.opened = kinect.wait_for_opening(within, cancelled)?;
+        kinect.opened =
+            kinect.wait_for_opening(within, cancelled).map_err(|error| match (error, abandoned.hanging()) {
+                // By a thread of this very program that hangs in it.
+                (KinectError::Busy { .. }, threads @ 1..) => KinectError::StillHanging { threads },
+                (error, _) => error,
+            })?;
         Ok(kinect)
     }
 
