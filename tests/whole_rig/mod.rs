@@ -102,10 +102,13 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
     }
     let stage = sensor("turntable").turntable.as_ref().expect("a turntable");
     println!(
-        "{} angles of the stage, half a round trip {:?} ns, truth {:?}",
-        stage.samples, stage.half_rtt_ns, stage.truth
+        "{} angles of the stage, half a round trip {:?} ns, refused {:?}, truth at the end {:?}",
+        stage.samples, stage.half_rtt_ns, stage.refused, stage.truth
     );
-    assert!(stage.samples > 0 && stage.truth == TruthState::Valid, "{stage:?}");
+    // 50 readings a second; of those that were held up somewhere no angle is made, nor of those of the stage's opening. The
+    // port is closed before the Kinect is: the last angle may be stale then.
+    assert!(stage.samples as f64 > 40.0 * (live.duration_s - 2.0), "{stage:?}");
+    assert!(stage.truth != TruthState::Invalid && stage.invalid_since_ns.is_none(), "{stage:?}");
     let recorded: Vec<String> = parts(&usb, &live).iter().map(|part| part.display().to_string()).collect();
     let recorded: Vec<&str> = recorded.iter().map(String::as_str).collect();
     let done = usb.bench.run(&[&["replay"][..], &recorded, &["--json"]].concat());
