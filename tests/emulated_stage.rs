@@ -117,7 +117,7 @@ fn a_live_scene_tells_where_its_stage_answers_and_one_without_a_stage_has_none()
     let bench = Workbench::new();
     let free = ["--set", "stream.tcp=127.0.0.1:0", "--set", "stream.unix=", "--set", "stream.foxglove="];
     let mut daemon = Daemon::start(&bench, &[&["run", "--sim", "turntable-20dps"], &free[..]].concat());
-    daemon.wait_for("INFO running");
+    daemon.once_said("turntable emulator on ");
     let (_, after) = daemon.said.split_once("turntable emulator on ").expect("a path");
     let path = after.split(',').next().expect("a path").to_owned();
     let clock = SessionClock::start_on_system();

@@ -80,6 +80,13 @@ impl Daemon {
         }
     }
 
+    /// Reads its log until it has held `text`, from its beginning on.
+    pub(crate) fn once_said(&mut self, text: &str) {
+        if !self.said.contains(text) {
+            self.wait_for(text);
+        }
+    }
+
     /// Waits for the end.
     pub(crate) fn finish(mut self) -> Ended {
         let mut report = String::new();

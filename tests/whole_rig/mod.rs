@@ -67,7 +67,7 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
     usb.bench.file("rig.toml", with_stage.replace("id = \"front\"", "id = \"front\"\nmodel = \"vlp-32c\""));
     let duration = format!("{seconds}s");
     let mut running = usb.start(&["--duration", &duration]);
-    running.daemon.wait_for("receiving from a Kinect");
+    running.daemon.once_said("receiving from a Kinect");
     feeder.begin(running.daemon.data, running.daemon.position);
     let ended = running.daemon.finish();
     let fed = feeder.stop();
