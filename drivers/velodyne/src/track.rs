@@ -98,8 +98,13 @@ impl PacketTracker {
             return Observation { order: Order::Next { lost: 0 }, previous_pause_ns: None };
         };
         let span_ns = elapsed(&last, stamp, arrived);
+        // Whatever its stamp is beside the newest: behind a counter that was set, what came before and comes again may look newer.
+        if seen_before {
+            self.totals.duplicates += 1;
+            return Observation { order: Order::Duplicate, previous_pause_ns: None };
+        }
         if span_ns.is_some_and(|span| span <= 0) {
-            if let Some(order) = self.not_newer(stamp, seen_before) {
+            if let Some(order) = self.not_newer(stamp) {
                 return Observation { order, previous_pause_ns: None };
             }
         } else if let Some(span_ns) = span_ns.filter(|span| self.is_continuous(&last, &now, *span)) {
@@ -144,12 +149,8 @@ impl PacketTracker {
         Observation { order: Order::Next { lost }, previous_pause_ns }
     }
 
-    /// A packet with a stamp no newer than the newest: repeated, or late, or (`None`) of a counter that was set back.
-    fn not_newer(&mut self, stamp: LidarTime, seen_before: bool) -> Option<Order> {
-        if seen_before {
-            self.totals.duplicates += 1;
-            return Some(Order::Duplicate);
-        }
+    /// A packet with a stamp no newer than the newest: late, or (`None`) of a counter that was set back.
+    fn not_newer(&mut self, stamp: LidarTime) -> Option<Order> {
         let inside = |(from, to): (LidarTime, LidarTime)| stamp.since(from).0 > 0 && to.since(stamp).0 > 0;
         let out_of_a_gap = self.missing.iter().flatten().any(|gap| inside(*gap));
         if out_of_a_gap {
