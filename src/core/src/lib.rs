@@ -13,6 +13,7 @@
 //! * [`sector`], [`boundary`]: the region of interest as a LiDAR's head sweeps over it, and where a scan begins;
 //! * [`turntable`]: where a turntable was, and whether that is truth;
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
+//! * [`register`]: two clouds of one body to the pose between them;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -32,6 +33,7 @@ pub mod notice;
 pub mod pipeline;
 mod place;
 mod reasons;
+pub mod register;
 mod reorder;
 pub mod sector;
 pub mod turntable;

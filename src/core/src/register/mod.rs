@@ -1,0 +1,48 @@
+//! Registration of two clouds of one body, seen by different sensors from different places.
+//!
+//! ```text
+//!   clouds ─▶ check ─▶ roles: the denser is the surface, the sparser the probes
+//!          ─▶ surface: normals, curvature, noise, look-up grid   ─┐
+//!          ─▶ free space: what each sensor saw through            ├▶ search ─▶ score ─▶ refine ─▶ probe ─▶ modes
+//!                                                                 ┘                                          │
+//!                                       outcome: pose, covariance, accepted or why not, other modes ◀────────┘
+//! ```
+//!
+//! * [`cloud`]: what goes in; [`outcome`]: what comes out, and why it may be refused.
+
+pub mod cloud;
+pub mod outcome;
+
+pub use cloud::{Cloud, DepthView, RangeView, SensorKind, View};
+pub use outcome::{Doubt, Mode, RegisterError, Registration};
+
+use nalgebra::Isometry3;
+
+/// How clouds are registered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Method {
+    /// Points against anchored spheres, searched over SO(3), judged by lines of sight (method.md §3.3–4.6).
+    #[default]
+    Cga,
+    /// Our reconstruction of the published method (method.md §3.1, §4.1).
+    CgaPaper,
+    /// Point to point.
+    Icp,
+    /// Point to plane.
+    PlaneIcp,
+    /// Distribution to distribution.
+    Gicp,
+    /// Curvature-based descriptor.
+    Cbd,
+}
+
+/// What is known of the pose beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// The guess.
+    pub t_reference_moving: Isometry3<f64>,
+    /// Its standard deviation in rotation, rad, of each axis.
+    pub sigma_rotation_rad: f64,
+    /// Its standard deviation at the moving cloud's centroid, m, of each axis.
+    pub sigma_translation_m: f64,
+}
