@@ -14,6 +14,7 @@
 //! * [`turntable`]: where a turntable was, and whether that is truth;
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
 //! * [`register`]: two clouds of one body to the pose between them;
+//! * [`neighbours`]: who is near whom;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -29,6 +30,7 @@ pub mod epoch;
 pub mod health;
 mod kinect;
 mod lidar;
+pub mod neighbours;
 pub mod notice;
 pub mod pipeline;
 mod place;
