@@ -15,6 +15,7 @@
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
 //! * [`register`]: two clouds of one body to the pose between them;
 //! * [`neighbours`]: who is near whom;
+//! * [`surface`]: a cloud as a surface of small spheres;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -39,6 +40,7 @@ pub mod register;
 mod reorder;
 pub mod sector;
 pub mod turntable;
+pub mod surface;
 mod vitals;
 pub mod workers;
 

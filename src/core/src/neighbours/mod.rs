@@ -2,8 +2,13 @@
 //!
 //! * [`KdTree`]: for queries anywhere; [`Neighbours`]: what a query of the k nearest answers.
 
+mod cells;
+mod lattice;
 mod nearest;
 mod tree;
 
+pub(crate) use cells::{bounds, each_knn};
+pub(crate) use lattice::{Lattice, NOBODY};
 pub use nearest::Neighbours;
+pub(crate) use nearest::unpack;
 pub use tree::KdTree;

@@ -8,13 +8,18 @@
 //!                                       outcome: pose, covariance, accepted or why not, other modes ◀────────┘
 //! ```
 //!
-//! * [`cloud`]: what goes in; [`outcome`]: what comes out, and why it may be refused.
+//! * [`cloud`]: what goes in; [`outcome`]: what comes out, and why it may be refused;
+//! * [`freespace`]: what a sensor saw through; [`score`]: how well a pose explains both clouds.
 
 pub mod cloud;
+pub mod freespace;
 pub mod outcome;
+pub mod score;
 
 pub use cloud::{Cloud, DepthView, RangeView, SensorKind, View};
+pub use freespace::{FreeSpace, Sighting};
 pub use outcome::{Doubt, Mode, RegisterError, Registration};
+pub use score::{Parts, Placement, Scorer, Weights};
 
 use nalgebra::Isometry3;
 

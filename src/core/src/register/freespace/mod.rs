@@ -1,0 +1,145 @@
+//! What a sensor says of a place: a surface was seen there, it lies in front of one or behind one, the sensor saw
+//! through it, or nobody knows (method.md §3.4, §3.4b).
+//!
+//! * with the misses: [`depth`] (a depth image), [`ranges`] (a LiDAR's range image);
+//! * from bare points: [`camera`] and [`lidar`], over a [`raster`] of what lies around each direction; a missing return
+//!   says something exactly where the density of the returns around it says that one was due ([`rings`]);
+//! * [`angle`]: arcs, quick.
+
+pub mod angle;
+pub mod camera;
+pub mod depth;
+pub mod lidar;
+pub mod ranges;
+mod raster;
+pub mod rings;
+
+pub use camera::CameraMask;
+pub use depth::DepthMask;
+pub use lidar::LidarMask;
+pub use ranges::RangeMask;
+
+use super::cloud::{Cloud, SensorKind, View};
+use nalgebra::{Point3, Vector3};
+
+/// What a sensor says of a place. The shares are graded, 0..=1, so that a score has no steps; at most one is above 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sighting {
+    /// Whether the sensor would have seen a surface there: otherwise the place tells nothing, and the shares are 0.
+    pub known: bool,
+    /// The place lies before what was seen in its direction: it would have been seen instead.
+    pub front: f32,
+    /// It lies behind: it could not be seen.
+    pub hidden: f32,
+    /// The sensor saw nothing in its direction though it looked: nothing is there.
+    pub sky: f32,
+    /// By how much the place is farther away than what was seen nearest to its direction, m; infinite: nothing was.
+    pub behind_m: f32,
+}
+
+impl Sighting {
+    /// Nothing is known of the place.
+    pub const UNKNOWN: Self = Self { known: false, front: 0.0, hidden: 0.0, sky: 0.0, behind_m: f32::INFINITY };
+}
+
+/// How far before or behind a seen surface a place begins to count, and over how far the count rises to 1, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Depths {
+    pub(crate) from_m: f32,
+    pub(crate) ramp_m: f32,
+}
+
+impl Depths {
+    /// Of a camera's (method.md §3.4b).
+    pub(crate) const CAMERA: Self = Self { from_m: 0.05, ramp_m: 0.04 };
+    /// Of a LiDAR's: its ranges scatter more.
+    pub(crate) const LIDAR: Self = Self { from_m: 0.06, ramp_m: 0.04 };
+
+    /// The share of a distance beyond a surface.
+    #[inline]
+    pub(crate) fn share(self, beyond_m: f32) -> f32 {
+        graded((beyond_m - self.from_m) / self.ramp_m)
+    }
+}
+
+/// ⟨a⟩: clamped to 0..=1; not a number is 0.
+#[inline]
+pub(crate) fn graded(a: f32) -> f32 {
+    if a > 0.0 { if a < 1.0 { a } else { 1.0 } } else { 0.0 }
+}
+
+/// The free space of one sensor. Places are in the frame of the sensor's cloud.
+#[derive(Clone, Debug)]
+pub struct FreeSpace {
+    viewpoint: [f32; 3],
+    mask: Mask,
+}
+
+#[derive(Clone, Debug)]
+enum Mask {
+    Camera(CameraMask),
+    Lidar(LidarMask),
+    Depth(DepthMask),
+    Ranges(RangeMask),
+}
+
+impl FreeSpace {
+    /// From a cloud and its spacing (m). `None`: nobody knows where the sensor stood, there are no points, or the image
+    /// does not have the size it says; then lines of sight tell nothing.
+    pub fn build(cloud: &Cloud, spacing_m: f32) -> Option<Self> {
+        let viewpoint = cloud.viewpoint?;
+        let seen = |point: &Point3<f32>| {
+            let ray = point - viewpoint;
+            // Closer than that no sensor measures, and it has no direction.
+            (ray.norm_squared() > LEAST_RANGE_M * LEAST_RANGE_M && ray.norm_squared() < f32::INFINITY).then_some(ray)
+        };
+        let rays = || cloud.points.iter().filter_map(seen).collect::<Vec<Vector3<f32>>>();
+        let mask = match (&cloud.view, cloud.sensor) {
+            (View::Depth(view), _) => Mask::Depth(DepthMask::build(view)?),
+            (View::Ranges(view), _) => Mask::Ranges(RangeMask::build(view)?),
+            (View::Bare, SensorKind::Kinect) => Mask::Camera(CameraMask::build(&rays(), spacing_m)?),
+            (View::Bare, SensorKind::Lidar) => Mask::Lidar(LidarMask::build(&rays())?),
+        };
+        Some(Self { viewpoint: viewpoint.coords.into(), mask })
+    }
+
+    /// What the sensor says of a place in its cloud's frame, m.
+    #[inline]
+    pub fn look(&self, place: &[f32; 3]) -> Sighting {
+        let ([x, y, z], [vx, vy, vz]) = (place, self.viewpoint);
+        let ray = [x - vx, y - vy, z - vz];
+        match &self.mask {
+            Mask::Camera(mask) => mask.look(ray),
+            Mask::Lidar(mask) => mask.look(ray),
+            Mask::Depth(mask) => mask.look(ray),
+            Mask::Ranges(mask) => mask.look(ray),
+        }
+    }
+
+    /// Where the sensor stood, in its cloud's frame, m.
+    #[inline]
+    pub fn viewpoint(&self) -> [f32; 3] {
+        self.viewpoint
+    }
+
+    /// Whether it is from an image with its misses, not inferred from points.
+    pub fn is_organised(&self) -> bool {
+        matches!(self.mask, Mask::Depth(_) | Mask::Ranges(_))
+    }
+
+    /// The rings of a bare LiDAR cloud. `None`: it is none, or has no rings.
+    pub fn rings(&self) -> Option<&rings::Rings> {
+        match &self.mask {
+            Mask::Lidar(mask) => mask.rings(),
+            _ => None,
+        }
+    }
+}
+
+/// Nearer than this nothing is measured, m.
+const LEAST_RANGE_M: f32 = 0.05;
+
+#[cfg(test)]
+pub(crate) mod caster;
+#[cfg(test)]
+mod tests;
