@@ -1,6 +1,6 @@
 //! The k nearest of every point of a cloud at once: points sorted into cells share their candidates.
 
-use super::nearest::pack;
+use super::nearest::{pack, unpack};
 use super::{KdTree, Neighbours};
 use nalgebra::Point3;
 
@@ -10,6 +10,8 @@ const SAMPLES: usize = 31;
 const EDGE: f32 = 1.12;
 /// Cells there may be for each point: more (points far apart), and the tree is quicker.
 const CELLS_PER_POINT: usize = 64;
+/// First the next point's neighbours are looked for within so many times the reach of the last one's.
+const GUESS: f32 = 1.1;
 
 /// A neighbour, as [`pack`] makes it: read it with `unpack`.
 pub(crate) type Key = u64;
@@ -124,6 +126,8 @@ impl Cells {
         let [nx, ny, nz] = self.dims;
         let (mut block, mut wider) = (Block::default(), Block::default());
         let mut keys = Vec::new();
+        // What reached the last point's neighbours reaches the next one's, most often.
+        let mut guess = f32::INFINITY;
         for cx in 0..nx {
             for cy in 0..ny {
                 for cz in 0..nz {
@@ -135,7 +139,9 @@ impl Cells {
                     let points = self.columns(own);
                     for (((&x, &y), &z), &index) in points.0.iter().zip(points.1).zip(points.2).zip(points.3) {
                         let point = [x, y, z];
-                        let mut done = block.nearest(point, k, &mut keys, self.room(point, [cx, cy, cz], 1));
+                        let room = self.room(point, [cx, cy, cz], 1);
+                        let mut done = guess < room && block.nearest(point, k, &mut keys, guess);
+                        done = done || block.nearest(point, k, &mut keys, room);
                         let mut ring = 2;
                         while !done {
                             self.gather([cx, cy, cz], ring, &mut wider);
@@ -143,7 +149,9 @@ impl Cells {
                             done = wider.nearest(point, k, &mut keys, room);
                             ring += 1;
                         }
-                        visit(index, keys.get(..k).unwrap_or(&keys));
+                        let found = keys.get(..k).unwrap_or(&keys);
+                        guess = found.last().map_or(f32::INFINITY, |&kth| GUESS * unpack(kth).1.sqrt());
+                        visit(index, found);
                     }
                 }
             }
@@ -215,9 +223,16 @@ impl Block {
         }
         // What lies beyond the room may not be told from what is missing there: leave it out before the selection.
         let reach = if room > 0.0 { room * room } else { -1.0 };
-        keys.clear();
-        let inside = self.squared.iter().zip(&self.index).filter(|(squared, _)| **squared <= reach);
-        keys.extend(inside.map(|(&squared, &index)| pack(squared, index)));
+        // Written in any case, kept by counting: no guess of the processor is ever wrong.
+        keys.resize(self.squared.len(), 0);
+        let mut kept = 0;
+        for (&squared, &index) in self.squared.iter().zip(&self.index) {
+            if let Some(place) = keys.get_mut(kept) {
+                *place = pack(squared, index);
+            }
+            kept += usize::from(squared <= reach);
+        }
+        keys.truncate(kept);
         if keys.len() > k {
             keys.select_nth_unstable(k - 1);
         }

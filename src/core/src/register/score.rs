@@ -277,7 +277,10 @@ impl<'a> Scorer<'a> {
             return (0.0, false);
         }
         let height = patch.height(&offset);
-        let is_facing = sensor.is_none_or(|sensor| is_steeper(&patch.offset(&sensor), &patch.n, FACING));
+        let is_facing = sensor.is_none_or(|sensor| {
+            let sight = patch.offset(&sensor);
+            exceeds(dot(&sight, &patch.n), dot(&sight, &sight), FACING)
+        });
         (bell(height * height * (0.5 / (SIGMA_M * SIGMA_M))), is_facing)
     }
 
@@ -290,20 +293,18 @@ impl<'a> Scorer<'a> {
         for Probe { place, normal } in asked {
             let Sighting { known: is_known, front: before, hidden: behind, sky: through, behind_m } =
                 sights.look(&pose.back(place));
-            if !is_known {
-                continue;
-            }
-            known += 1;
+            // Which way a place goes is chance: sums of zeros are quicker than wrong guesses.
+            known += u32::from(is_known);
             front += f64::from(before);
             hidden += f64::from(behind);
             let [x, y, z] = place;
             let to_sensor = [sx - x, sy - y, sz - z];
-            if through > 0.0 {
-                let side = if is_steeper(&to_sensor, normal, WELL_FACING) { &mut sky } else { &mut averted };
-                *side += f64::from(through);
-            } else if behind_m.abs() < SAME_RANGE_M && is_steeper(&to_sensor, normal, FACING) {
-                support += 1.0;
-            }
+            let (along, square) = (dot(&to_sensor, normal), dot(&to_sensor, &to_sensor));
+            let well = exceeds(along, square, WELL_FACING);
+            sky += f64::from(if well { through } else { 0.0 });
+            averted += f64::from(if well { 0.0 } else { through });
+            let is_seen = (behind_m.abs() < SAME_RANGE_M) & exceeds(along, square, FACING);
+            support += f64::from(u8::from(is_seen));
         }
         let share = 1.0 / f64::from(known.max(1));
         parts.seen_support = support * share;
@@ -328,21 +329,18 @@ fn dot([ax, ay, az]: &[f32; 3], [bx, by, bz]: &[f32; 3]) -> f32 {
     ax * bx + ay * by + az * bz
 }
 
-/// Whether the cosine between a vector and a unit normal exceeds a limit.
+/// Whether the cosine between a vector and a unit normal exceeds a limit: from their product and the vector's square.
+/// Without a root: squares with their signs keep the order.
 #[inline]
-fn is_steeper(vector: &[f32; 3], normal: &[f32; 3], limit: f32) -> bool {
-    let (along, square) = (dot(vector, normal), dot(vector, vector));
-    // Without a root: squares keep the order on each side of 0.
-    let beyond = along * along > limit * limit * square;
-    if limit >= 0.0 { along > 0.0 && beyond } else { along >= 0.0 || !beyond }
+fn exceeds(along: f32, square: f32, limit: f32) -> bool {
+    along * along.abs() > limit * limit.abs() * square
 }
 
-/// exp(−x) for x ≥ 0 with an absolute error of at most [`BELL_ERROR`]; 0 beyond 16.
+/// exp(−x) for x ≥ 0 with an absolute error of at most [`BELL_ERROR`].
 #[inline]
 fn bell(x: f32) -> f32 {
-    if x > 16.0 {
-        return 0.0;
-    }
+    // Beyond, the value is below the error.
+    let x = if x < 16.0 { x } else { 16.0 };
     // The 32nd power of exp(−x/32), whose series is cut after the fourth power.
     let y = x * (1.0 / 32.0);
     let root = 1.0 - y * (1.0 - y * (0.5 - y * (1.0 / 6.0 - y * (1.0 / 24.0))));

@@ -7,19 +7,56 @@ const SHARPEST: f64 = 8.0;
 /// Curvature counts where it exceeds so many of its own standard deviations.
 const SIGNIFICANT: f64 = 3.0;
 
-/// Points of a neighbourhood, from the point whose neighbourhood it is, m.
+/// Sums are kept in so many lanes, and added up in their order.
+const LANES: usize = 4;
+
+/// Points of a neighbourhood, from the point whose neighbourhood it is, m: column by column.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Members {
-    offsets: Vec<Vector3<f64>>,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
 }
 
 impl Members {
     pub(crate) fn clear(&mut self) {
-        self.offsets.clear();
+        self.x.clear();
+        self.y.clear();
+        self.z.clear();
     }
 
     pub(crate) fn push(&mut self, offset: Vector3<f32>) {
-        self.offsets.push(offset.cast());
+        let offset = offset.cast::<f64>();
+        self.x.push(offset.x);
+        self.y.push(offset.y);
+        self.z.push(offset.z);
+    }
+
+    fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Sums of N numbers of every member.
+    #[inline]
+    fn sums<const N: usize>(&self, of: impl Fn([f64; 3]) -> [f64; N]) -> [f64; N] {
+        let mut lanes = [[0.0; LANES]; N];
+        let (x, y, z) = (self.x.as_chunks::<LANES>(), self.y.as_chunks::<LANES>(), self.z.as_chunks::<LANES>());
+        let mut add = |lane: usize, place: [f64; 3]| {
+            for (lanes, value) in lanes.iter_mut().zip(of(place)) {
+                if let Some(sum) = lanes.get_mut(lane) {
+                    *sum += value;
+                }
+            }
+        };
+        for ((x, y), z) in x.0.iter().zip(y.0).zip(z.0) {
+            for (lane, ((&x, &y), &z)) in x.iter().zip(y).zip(z).enumerate() {
+                add(lane, [x, y, z]);
+            }
+        }
+        for (lane, ((&x, &y), &z)) in x.1.iter().zip(y.1).zip(z.1).enumerate() {
+            add(lane, [x, y, z]);
+        }
+        lanes.map(|[a, b, c, d]| (a + b) + (c + d))
     }
 }
 
@@ -43,21 +80,15 @@ pub(crate) struct Local {
 impl Local {
     /// Fits a plane, and a sphere where curvature stands out from the residuals. Without points: a plane along z.
     pub(crate) fn fit(members: &Members, curved: bool) -> Self {
-        let n = members.offsets.len();
+        let n = members.len();
         let share = 1.0 / n.max(1) as f64;
-        let mean = members.offsets.iter().sum::<Vector3<f64>>() * share;
-        let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [0.0; 6];
-        for offset in &members.offsets {
-            let d = offset - mean;
-            xx += d.x * d.x;
-            xy += d.x * d.y;
-            xz += d.x * d.z;
-            yy += d.y * d.y;
-            yz += d.y * d.z;
-            zz += d.z * d.z;
-        }
-        let (eigenvalues, normal) =
-            least_eigenvector([xx * share, xy * share, xz * share, yy * share, yz * share, zz * share]);
+        let [mx, my, mz] = members.sums(|place| place).map(|sum| sum * share);
+        let products = members.sums(|[x, y, z]| {
+            let (x, y, z) = (x - mx, y - my, z - mz);
+            [x * x, x * y, x * z, y * y, y * z, z * z]
+        });
+        let mean = Vector3::new(mx, my, mz);
+        let (eigenvalues, normal) = least_eigenvector(products.map(|sum| sum * share));
         let [l3, ..] = eigenvalues;
         let plane = l3 * n as f64 / (n.max(4) - 3) as f64;
         let flat = Self { mean, normal, foot: mean, curvature: 0.0, eigenvalues, residual: plane, members: n as u32 };
@@ -70,15 +101,13 @@ impl Local {
         if n < 6.0 {
             return self;
         }
-        let (mut rr, mut r4, mut hr) = (0.0, 0.0, 0.0);
-        for offset in &members.offsets {
-            let d = offset - self.mean;
-            let height = self.normal.dot(&d);
-            let square = d.norm_squared() - height * height;
-            rr += square;
-            r4 += square * square;
-            hr += height * square;
-        }
+        let (mean, normal) = (self.mean, self.normal);
+        let [rr, r4, hr] = members.sums(|[x, y, z]| {
+            let (x, y, z) = (x - mean.x, y - mean.y, z - mean.z);
+            let height = normal.x * x + normal.y * y + normal.z * z;
+            let square = x * x + y * y + z * z - height * height;
+            [square, square * square, height * square]
+        });
         // Heights have no mean: Σh(ρ² − ρ̄²) = Σhρ².
         let (mean_square, scatter) = (rr / n, r4 - rr * rr / n);
         if scatter <= 1e-18 {

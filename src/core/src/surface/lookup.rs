@@ -9,7 +9,7 @@ use nalgebra::Point3;
 /// Cells of a grid at most (8 MB of short indices): larger clouds get larger cells.
 const MOST_CELLS: usize = 1 << 22;
 /// Coarse cells whose nearest point is at most so many of their edges away are looked at in detail.
-const DETAILED: f32 = 1.3;
+const DETAILED: f32 = 1.0;
 
 /// The index of the nearest point in every cell.
 #[derive(Clone, Debug)]
@@ -75,7 +75,7 @@ impl Lookup {
 /// Every fine cell's nearest point.
 fn fill<I: Copy + Default>(points: &[Point3<f32>], coarse: &Lattice, fine: &Lattice, short: fn(u32) -> I) -> Vec<I> {
     let places: Vec<[f32; 3]> = points.iter().map(|point| point.coords.into()).collect();
-    let nearest = coarse.brushfire(&places, 2);
+    let nearest = coarse.brushfire(&places, 1);
     let bins = Bins::sort(&places, coarse);
     let [nx, ny, nz] = coarse.dims;
     let [sx, sy, _] = fine.strides();

@@ -73,13 +73,13 @@ impl CameraMask {
         let Some(around) = self.raster.look(ax.dot(&place) * inverse, ay.dot(&place) * inverse) else {
             return self.through(ray, 1.0);
         };
-        let behind_m = range - around.nearest;
         let gap = around.angle * range - COVERED * self.spacing_m;
         if gap >= 0.0 {
-            return self.through(ray, graded(gap / SKY_RAMP_M));
+            return self.through(ray, graded(gap * (1.0 / SKY_RAMP_M)));
         }
-        let (front, hidden) = (Depths::CAMERA.share(around.least - range), Depths::CAMERA.share(range - around.least));
-        Sighting { known: true, front, hidden, sky: 0.0, behind_m }
+        let behind = range - around.least;
+        let (front, hidden) = (Depths::CAMERA.share(-behind), Depths::CAMERA.share(behind));
+        Sighting { known: true, front, hidden, sky: 0.0, behind_m: range - around.nearest }
     }
 
     /// No ray passes by: the camera saw through, as far as it looked there.

@@ -114,20 +114,24 @@ impl LidarMask {
         let Some(row) = self.raster.row(arc(z, flat.sqrt())) else { return Sighting::UNKNOWN };
         let Some(around) = self.raster.look_in_row(arc(y, x) * self.along, row) else { return Sighting::UNKNOWN };
         let sure = self.sure.get(row as usize).copied().unwrap_or(NEVER);
-        let is_sure = sure < NEVER;
         let near = COVERED * self.step;
-        if !is_sure && around.angle > near {
+        let (is_sure, is_near) = (sure < NEVER, around.angle <= near);
+        if !is_sure && !is_near {
             return Sighting::UNKNOWN;
         }
         let range = (flat + z * z).sqrt();
-        let behind_m = range - around.nearest;
-        if around.angle < sure.min(near).max(0.6 * self.step) {
-            let (front, hidden) =
-                (Depths::LIDAR.share(around.least - range), Depths::LIDAR.share(range - around.greatest));
-            return Sighting { known: true, front, hidden, sky: 0.0, behind_m };
+        let is_covered = around.angle < sure.min(near).max(0.6 * self.step);
+        let front = Depths::LIDAR.share(around.least - range);
+        let hidden = Depths::LIDAR.share(range - around.greatest);
+        let sky = graded((around.angle - sure) * range * (1.0 / SKY_RAMP_M));
+        Sighting {
+            known: true,
+            front: if is_covered { front } else { 0.0 },
+            hidden: if is_covered { hidden } else { 0.0 },
+            // Where no disc is sure to be empty `sure` is so wide that this is 0.
+            sky: if is_covered { 0.0 } else { sky },
+            behind_m: if is_covered { range - around.nearest } else { f32::INFINITY },
         }
-        let sky = if is_sure { graded((around.angle - sure) * range / SKY_RAMP_M) } else { 0.0 };
-        Sighting { known: true, front: 0.0, hidden: 0.0, sky, behind_m: f32::INFINITY }
     }
 }
 
@@ -136,11 +140,20 @@ fn in_axes(rays: &[Vector3<f32>], [x, y, z]: &[Vector3<f32>; 3]) -> Vec<Directio
     rays.iter().map(|ray| Direction::of(&(turn * ray), 0.0)).collect()
 }
 
-/// The least radius (rad) at which enough returns are due.
+/// The least radius (rad) at which enough returns are due. They rise with the radius: halve the radii left.
 fn sure_radius(median_range: f64, expected: impl Fn(f64) -> f64) -> f32 {
     let [least, most] = RADII_M;
     let radius = |k: u32| (least + (most - least) * f64::from(k) / f64::from(RADII - 1)) / median_range;
-    (0..RADII).map(radius).find(|&q| expected(q) >= DUE).map_or(NEVER, |q| q as f32)
+    let (mut from, mut to) = (0, RADII);
+    while from < to {
+        let middle = (from + to) / 2;
+        if expected(radius(middle)) >= DUE {
+            to = middle;
+        } else {
+            from = middle + 1;
+        }
+    }
+    if from < RADII { radius(from) as f32 } else { NEVER }
 }
 
 /// Points a square radian, of the median distance of the fourth neighbour, a little below it.

@@ -42,30 +42,32 @@ impl Sighting {
     pub const UNKNOWN: Self = Self { known: false, front: 0.0, hidden: 0.0, sky: 0.0, behind_m: f32::INFINITY };
 }
 
-/// How far before or behind a seen surface a place begins to count, and over how far the count rises to 1, m.
+/// How far before or behind a seen surface a place begins to count, m, and how steeply the count rises to 1: over 4 cm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Depths {
     pub(crate) from_m: f32,
-    pub(crate) ramp_m: f32,
+    /// One over the length of the rise, 1/m.
+    pub(crate) per_m: f32,
 }
 
 impl Depths {
     /// Of a camera's (method.md §3.4b).
-    pub(crate) const CAMERA: Self = Self { from_m: 0.05, ramp_m: 0.04 };
+    pub(crate) const CAMERA: Self = Self { from_m: 0.05, per_m: 25.0 };
     /// Of a LiDAR's: its ranges scatter more.
-    pub(crate) const LIDAR: Self = Self { from_m: 0.06, ramp_m: 0.04 };
+    pub(crate) const LIDAR: Self = Self { from_m: 0.06, per_m: 25.0 };
 
     /// The share of a distance beyond a surface.
     #[inline]
     pub(crate) fn share(self, beyond_m: f32) -> f32 {
-        graded((beyond_m - self.from_m) / self.ramp_m)
+        graded((beyond_m - self.from_m) * self.per_m)
     }
 }
 
 /// ⟨a⟩: clamped to 0..=1; not a number is 0.
 #[inline]
 pub(crate) fn graded(a: f32) -> f32 {
-    if a > 0.0 { if a < 1.0 { a } else { 1.0 } } else { 0.0 }
+    let a = if a > 0.0 { a } else { 0.0 };
+    if a < 1.0 { a } else { 1.0 }
 }
 
 /// The free space of one sensor. Places are in the frame of the sensor's cloud.

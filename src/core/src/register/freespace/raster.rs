@@ -2,10 +2,12 @@
 
 use crate::neighbours::{Lattice, NOBODY};
 
-/// Cells of a raster at most (4 MB): wider ones get larger cells.
+/// Cells of a raster at most (8 MB): wider ones get larger cells.
 const MOST_CELLS: usize = 1 << 19;
-/// What the largest number of a cell's entry stands for, of an angle, rad. Larger ones are told no better.
+/// The angle of a raster's cells that no ray is near to, rad.
 const WIDEST: f32 = 0.5;
+/// Rows that are stamped in one go: a register of four lanes.
+const LANES: usize = 4;
 
 /// A ray where a raster wants it: its place on the raster, and how distances there become angles.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +33,7 @@ impl Ray {
 
 /// What lies around a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(16))]
 pub(crate) struct Around {
     /// To the nearest ray, rad.
     pub(crate) angle: f32,
@@ -41,23 +44,13 @@ pub(crate) struct Around {
     pub(crate) greatest: f32,
 }
 
-/// [`Around`] in 8 bytes, in units of the raster.
-#[derive(Clone, Copy, Debug, Default)]
-struct Cell {
-    angle: u16,
-    nearest: u16,
-    least: u16,
-    greatest: u16,
-}
-
 /// Cells over a plane of directions; v runs fastest.
 #[derive(Clone, Debug)]
 pub(crate) struct Raster {
     low: [f32; 2],
     inverse_edge: f32,
     dims: [u32; 2],
-    range_unit: f32,
-    cells: Vec<Cell>,
+    cells: Vec<Around>,
 }
 
 impl Raster {
@@ -65,27 +58,18 @@ impl Raster {
     pub(crate) fn build(rays: &[Ray], edge: f32, margin: f32) -> Option<Self> {
         let lattice = cover(rays, edge, margin)?;
         let places: Vec<[f32; 3]> = rays.iter().map(|ray| [ray.u, ray.v, 0.0]).collect();
-        let nearest = lattice.brushfire(&places, 2);
-        let mut found = around_nearest(rays, &lattice, &nearest);
+        // One round is enough on a plane: every way to a cell is a way along one axis, then along the other.
+        let nearest = lattice.brushfire(&places, 1);
+        let mut columns = Columns::around_nearest(rays, &lattice, &nearest);
         for ray in rays {
-            stamp(ray, &lattice, &mut found);
+            columns.stamp(ray, &lattice);
         }
-        let farthest = rays.iter().map(|ray| ray.range).fold(0.0, f32::max);
-        let range_unit = farthest / f32::from(u16::MAX);
-        let short = |value: f32, unit: f32| (value / unit + 0.5) as u16;
-        let cell = |around: &Around| Cell {
-            angle: short(around.angle, WIDEST / f32::from(u16::MAX)),
-            nearest: short(around.nearest, range_unit),
-            least: short(around.least, range_unit),
-            greatest: short(around.greatest, range_unit),
-        };
         let ([u, v, _], [nu, nv, _]) = (lattice.low, lattice.dims);
         Some(Self {
             low: [u, v],
             inverse_edge: 1.0 / lattice.edge,
             dims: [nu as u32, nv as u32],
-            range_unit,
-            cells: found.iter().map(cell).collect(),
+            cells: columns.cells(),
         })
     }
 
@@ -108,7 +92,7 @@ impl Raster {
     pub(crate) fn look_in_row(&self, u: f32, row: u32) -> Option<Around> {
         let ([low, _], [columns, rows]) = (self.low, self.dims);
         let column = (((u - low) * self.inverse_edge) as u32).min(columns - 1);
-        self.cells.get((column * rows + row) as usize).map(|cell| self.read(cell))
+        self.cells.get((column * rows + row) as usize).copied()
     }
 
     /// What lies around a direction. `None`: it is outside.
@@ -120,17 +104,7 @@ impl Raster {
         if !(column >= 0.0 && column < columns as f32) {
             return None;
         }
-        self.cells.get((column as u32 * rows + row) as usize).map(|cell| self.read(cell))
-    }
-
-    #[inline]
-    fn read(&self, cell: &Cell) -> Around {
-        Around {
-            angle: f32::from(cell.angle) * (WIDEST / f32::from(u16::MAX)),
-            nearest: f32::from(cell.nearest) * self.range_unit,
-            least: f32::from(cell.least) * self.range_unit,
-            greatest: f32::from(cell.greatest) * self.range_unit,
-        }
+        self.cells.get((column as u32 * rows + row) as usize).copied()
     }
 }
 
@@ -149,54 +123,93 @@ fn cover(rays: &[Ray], edge: f32, margin: f32) -> Option<Lattice> {
     let ([lu, lv], [hu, hv]) = (low.map(|c| c - margin), high.map(|c| c + margin));
     // One cell thick: the third coordinate of its middle is that of the rays.
     let mut lattice = Lattice::cover([lu, lv, 0.0], [hu, hv, 0.0], edge, MOST_CELLS);
+    let [nu, nv, _] = lattice.dims;
+    lattice.dims = [nu, nv.next_multiple_of(LANES), 1];
     lattice.low = [lu, lv, -0.5 * lattice.edge];
     Some(lattice)
 }
 
-fn around_nearest(rays: &[Ray], lattice: &Lattice, nearest: &[u32]) -> Vec<Around> {
-    let [_, nv, _] = lattice.dims;
-    let mut all = Vec::with_capacity(nearest.len());
-    for (column, numbers) in nearest.chunks(nv).enumerate() {
-        let u = lattice.middle(0, column);
-        for (row, &number) in numbers.iter().enumerate() {
-            let ray = rays.get(number as usize).filter(|_| number != NOBODY);
-            all.push(ray.map_or(Around { angle: WIDEST, nearest: 0.0, least: 0.0, greatest: 0.0 }, |ray| {
-                let angle = ray.squared_angle(u, lattice.middle(1, row)).max(0.0).sqrt();
-                Around { angle, nearest: ray.range, least: ray.range, greatest: ray.range }
-            }));
-        }
-    }
-    all
+/// The raster while rays are stamped on it: a list for each number, so that four rows are one register.
+struct Columns {
+    squared_angle: Vec<f32>,
+    nearest: Vec<f32>,
+    least: Vec<f32>,
+    greatest: Vec<f32>,
 }
 
-/// Lets a ray take part in the cells within its reach.
-fn stamp(ray: &Ray, lattice: &Lattice, found: &mut [Around]) {
-    let [uu, _, vv] = ray.metric;
-    let [nu, nv, _] = lattice.dims;
-    let [lu, lv, _] = lattice.low;
-    // The metric hardly turns: its diagonal tells the box.
-    let span = |c: f32, low: f32, metric: f32, n: usize| {
-        let half = ray.reach / metric.max(1e-6).sqrt() * 1.05;
-        let from = ((c - half - low) / lattice.edge) as usize;
-        let to = ((c + half - low) / lattice.edge) as usize;
-        (from.min(n - 1), to.min(n - 1))
-    };
-    let (columns, rows) = (span(ray.u, lu, uu, nu), span(ray.v, lv, vv, nv));
-    let reach = ray.reach * ray.reach;
-    for column in columns.0..=columns.1 {
-        let u = lattice.middle(0, column);
-        let Some(cells) = found.get_mut(column * nv + rows.0..=column * nv + rows.1) else { continue };
-        for (row, around) in (rows.0..).zip(cells) {
-            let squared = ray.squared_angle(u, lattice.middle(1, row));
-            if squared > reach {
-                continue;
+impl Columns {
+    fn around_nearest(rays: &[Ray], lattice: &Lattice, nearest: &[u32]) -> Self {
+        let [_, nv, _] = lattice.dims;
+        let mut squared_angle = Vec::with_capacity(nearest.len());
+        let mut range = Vec::with_capacity(nearest.len());
+        for (column, numbers) in nearest.chunks(nv).enumerate() {
+            let u = lattice.middle(0, column);
+            for (row, &number) in numbers.iter().enumerate() {
+                let ray = rays.get(number as usize).filter(|_| number != NOBODY);
+                let around = ray.map(|ray| (ray.squared_angle(u, lattice.middle(1, row)), ray.range));
+                let (square, reached) = around.unwrap_or((WIDEST * WIDEST, 0.0));
+                squared_angle.push(square);
+                range.push(reached);
             }
-            if squared < around.angle * around.angle {
-                around.angle = squared.max(0.0).sqrt();
-                around.nearest = ray.range;
-            }
-            around.least = around.least.min(ray.range);
-            around.greatest = around.greatest.max(ray.range);
         }
+        Self { squared_angle, least: range.clone(), greatest: range.clone(), nearest: range }
+    }
+
+    /// Lets a ray take part in the cells within its reach.
+    fn stamp(&mut self, ray: &Ray, lattice: &Lattice) {
+        let [uu, uv, vv] = ray.metric;
+        let [nu, nv, _] = lattice.dims;
+        let [lu, lv, _] = lattice.low;
+        // The metric hardly turns: its diagonal tells the box.
+        let span = |c: f32, low: f32, metric: f32, n: usize| {
+            let half = ray.reach / metric.max(1e-6).sqrt() * 1.05;
+            let from = ((c - half - low) / lattice.edge) as usize;
+            let to = ((c + half - low) / lattice.edge) as usize;
+            (from.min(n - 1), to.min(n - 1))
+        };
+        let ((left, right), (bottom, top)) = (span(ray.u, lu, uu, nu), span(ray.v, lv, vv, nv));
+        // Whole registers, and never beyond the column.
+        let rows = (top + 1 - bottom).next_multiple_of(LANES);
+        let bottom = bottom.min(nv - rows);
+        let reach = ray.reach * ray.reach;
+        for column in left..=right {
+            let du = lattice.middle(0, column) - ray.u;
+            let (constant, slope) = (uu * du * du, uv * du);
+            let cells = column * nv + bottom..column * nv + bottom + rows;
+            let lists = (
+                self.squared_angle.get_mut(cells.clone()),
+                self.nearest.get_mut(cells.clone()),
+                self.least.get_mut(cells.clone()),
+                self.greatest.get_mut(cells),
+            );
+            let (Some(squares), Some(nearest), Some(least), Some(greatest)) = lists else { continue };
+            let fours = squares.as_chunks_mut::<LANES>().0.iter_mut().zip(nearest.as_chunks_mut::<LANES>().0);
+            let ranges = least.as_chunks_mut::<LANES>().0.iter_mut().zip(greatest.as_chunks_mut::<LANES>().0);
+            let mut dv = lattice.middle(1, bottom) - ray.v;
+            for ((squares, nearest), (least, greatest)) in fours.zip(ranges) {
+                let steps = [dv, dv + lattice.edge, dv + 2.0 * lattice.edge, dv + 3.0 * lattice.edge];
+                let ranges = least.iter_mut().zip(greatest);
+                for (((square, nearest), (least, greatest)), dv) in
+                    squares.iter_mut().zip(nearest).zip(ranges).zip(steps)
+                {
+                    let found = constant + (slope + vv * dv) * dv;
+                    let is_nearer = found < *square;
+                    *square = if is_nearer { found } else { *square };
+                    *nearest = if is_nearer { ray.range } else { *nearest };
+                    *least = if found <= reach && ray.range < *least { ray.range } else { *least };
+                    *greatest = if found <= reach && ray.range > *greatest { ray.range } else { *greatest };
+                }
+                dv += LANES as f32 * lattice.edge;
+            }
+        }
+    }
+
+    fn cells(self) -> Vec<Around> {
+        let ranges = self.nearest.iter().zip(&self.least).zip(&self.greatest);
+        let cell = |(&square, ((&nearest, &least), &greatest)): (&f32, ((&f32, &f32), &f32))| {
+            // Rounding may make the square of nothing a little less.
+            Around { angle: if square > 0.0 { square.sqrt() } else { 0.0 }, nearest, least, greatest }
+        };
+        self.squared_angle.iter().zip(ranges).map(cell).collect()
     }
 }

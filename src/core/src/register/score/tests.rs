@@ -173,10 +173,10 @@ proptest! {
     }
 
     #[test]
-    fn steepness_is_the_cosines(v in proptest::array::uniform3(-1.0..1.0f32), limit in -0.9..0.9f32) {
+    fn the_cosine_is_compared_without_a_root(v in proptest::array::uniform3(-1.0..1.0f32), limit in -0.9..0.9f32) {
         let normal = [0.6, 0.0, 0.8];
         let length = dot(&v, &v).sqrt();
         prop_assume!(length > 0.1 && (dot(&v, &normal) / length - limit).abs() > 1e-4);
-        prop_assert_eq!(is_steeper(&v, &normal, limit), dot(&v, &normal) / length > limit);
+        prop_assert_eq!(exceeds(dot(&v, &normal), dot(&v, &v), limit), dot(&v, &normal) / length > limit);
     }
 }
