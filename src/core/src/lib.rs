@@ -12,6 +12,7 @@
 //! * [`clock`]: device stamps to the session's timeline, the wall clock and UTC beside it;
 //! * [`sector`], [`boundary`]: the region of interest as a LiDAR's head sweeps over it, and where a scan begins;
 //! * [`turntable`]: where a turntable was, and whether that is truth;
+//! * [`cga`]: points, planes, spheres and motors of conformal geometric algebra;
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
 //! * [`register`]: two clouds of one body to the pose between them;
 //! * [`neighbours`]: who is near whom;
@@ -24,6 +25,7 @@ mod align;
 mod assemble;
 mod beat;
 pub mod boundary;
+pub mod cga;
 mod channel;
 pub mod clock;
 pub mod config;
