@@ -9,11 +9,15 @@
 //! ```
 //!
 //! * [`cloud`]: what goes in; [`outcome`]: what comes out, and why it may be refused;
-//! * [`freespace`]: what a sensor saw through; [`score`]: how well a pose explains both clouds.
+//! * [`freespace`]: what a sensor saw through; [`score`]: how well a pose explains both clouds;
+//! * [`paper`]: our reconstruction of the published method; [`baseline`]: the methods it is compared with.
 
+pub mod baseline;
+mod check;
 pub mod cloud;
 pub mod freespace;
 pub mod outcome;
+pub mod paper;
 pub mod score;
 
 pub use cloud::{Cloud, DepthView, RangeView, SensorKind, View};

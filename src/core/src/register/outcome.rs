@@ -55,6 +55,14 @@ pub enum Doubt {
         /// The share needed.
         needed: f64,
     },
+    /// Too few pairs of features were matched.
+    #[error("only {found} pairs of points were matched: {needed} needed")]
+    Pairs {
+        /// Pairs found.
+        found: usize,
+        /// Pairs needed.
+        needed: usize,
+    },
     /// Another pose explains the clouds nearly as well.
     #[error("ambiguous: another pose explains the clouds nearly as well (probability {probability:.2} of this one)")]
     Ambiguous {
