@@ -70,7 +70,8 @@ fn started_by_it_gicp_finds_some() {
         });
         count.count()
     };
-    assert!(found_right(&polish) >= found_right(&PaperOptions::default()));
+    let (with, without) = (found_right(&polish), found_right(&PaperOptions::default()));
+    assert!(with >= without + 3, "{with} with, {without} without");
 }
 
 #[test]
@@ -123,12 +124,14 @@ fn no_pairs_is_no_measurement_and_no_failure() {
 }
 
 #[test]
-fn a_wall_or_a_ball_fixes_no_turn() {
+fn a_ball_fixes_no_turn_and_gets_none_it_believes() {
     let mut chance = Chance::new(1);
-    let ball: Vec<_> = (0..1500).map(|_| Vector3::new(0.0, 0.0, 2.0) + chance.direction() * 0.5).collect();
-    let (dense, sparse) = (cloud(SensorKind::Kinect, ball.iter().copied()), ball.into_iter().step_by(5));
-    let found = cga_paper(&dense, &cloud(SensorKind::Lidar, sparse), &PaperOptions::default()).expect("clouds");
-    // Every point of a ball is like every other: pairs are wrong, or the fit is turned at will. Not accepted, or exact.
-    let (angle, _) = errors(&found, &Isometry3::identity(), &dense);
-    assert!(!found.accepted || angle < 5.0, "{angle} {:?}", found.doubts);
+    let mut ball = |count| {
+        let points: Vec<_> = (0..count).map(|_| Vector3::new(0.0, 0.0, 2.0) + chance.direction() * 0.5).collect();
+        cloud(SensorKind::Kinect, points.into_iter())
+    };
+    // Every patch of a ball is like every other: pairs are those of chance, and their residuals of the ball's size.
+    let found = cga_paper(&ball(2000), &ball(300), &PaperOptions::default()).expect("clouds");
+    assert!(!found.accepted);
+    assert!(found.doubts.iter().any(|doubt| matches!(doubt, Doubt::Residuals { .. })), "{:?}", found.doubts);
 }

@@ -80,14 +80,15 @@ fn iterate(
     let (source, target) = (parts.source(), parts.target());
     let reach = (options.max_distance_m * options.max_distance_m) as f32;
     let mut factors = Vec::with_capacity(source.points().len());
+    let mut nearest = vec![None; source.points().len()];
     let (mut pose, mut damping) = (start, DAMPING);
     for iteration in 1..=options.max_iterations {
         factors.clear();
         let rotation = pose.rotation.to_rotation_matrix();
-        for (index, point) in source.points().iter().enumerate() {
+        for (index, (point, nearest)) in source.points().iter().zip(&mut nearest).enumerate() {
             let point: Point3<f64> = point.cast();
             let at = rotation * point + pose.translation.vector;
-            let factor = target.tree().nearest(&at.cast(), reach).and_then(|(nearest, _)| {
+            let factor = target.nearest(&at.cast(), reach, nearest).and_then(|nearest| {
                 Some(Factor { point, target: target.point(nearest)?, weight: weigh(index, nearest, &rotation)? })
             });
             factors.extend(factor);

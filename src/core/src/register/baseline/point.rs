@@ -25,13 +25,15 @@ fn iterate(parts: &Parts, start: Isometry3<f64>, options: &IterationOptions) -> 
     let (source, target) = (parts.source(), parts.target());
     let reach = (options.max_distance_m * options.max_distance_m) as f32;
     let mut pairs = Vec::with_capacity(source.points().len());
+    let mut nearest = vec![None; source.points().len()];
     let mut pose = start;
     for iteration in 1..=options.max_iterations {
         pairs.clear();
-        for point in source.points() {
+        let motion = pose.to_homogeneous();
+        for (point, nearest) in source.points().iter().zip(&mut nearest) {
             let point: Point3<f64> = point.cast();
-            let nearest = target.tree().nearest(&(pose * point).cast(), reach);
-            let center = nearest.and_then(|(index, _)| target.point(index));
+            let place = motion.transform_point(&point).cast();
+            let center = target.nearest(&place, reach, nearest).and_then(|index| target.point(index));
             pairs.extend(center.map(|center| PointPair { point, center, weight: 1.0 }));
         }
         // Too few pairs, or pairs on a line: there is no way on from here.

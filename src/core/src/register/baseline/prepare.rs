@@ -113,6 +113,18 @@ impl Prepared {
         &self.tree
     }
 
+    /// The point nearest to a place, within a squared distance, m². `before` is the answer to the last question about the
+    /// same point, or nothing: it is seldom far from the new one, and nothing farther than it need be looked at. The answer
+    /// does not depend on it.
+    pub(crate) fn nearest(&self, place: &Point3<f32>, max_sq: f32, before: &mut Option<u32>) -> Option<u32> {
+        let known = before.and_then(|index| self.points().get(index as usize));
+        // A little more than its distance, lest rounding hide the point itself.
+        let bound = known.map_or(max_sq, |point| (1.000_01 * (point - place).norm_squared()).min(max_sq));
+        let found = self.tree.nearest(place, bound).map(|(index, _)| index);
+        *before = found.or(*before);
+        found
+    }
+
     pub(crate) fn centroid(&self) -> Point3<f64> {
         self.checked.centroid
     }

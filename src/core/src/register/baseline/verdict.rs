@@ -5,7 +5,7 @@ use super::prepare::Prepared;
 use crate::neighbours::Neighbours;
 use crate::register::{Doubt, Registration};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, Vector3, Vector6};
-use tumbled_model::se3::adjoint;
+use tumbled_model::se3::{adjoint, skew};
 
 /// A point with no surface point within this, m, is off the surface.
 const ON_SURFACE_M: f64 = 0.06;
@@ -13,8 +13,9 @@ const ON_SURFACE_M: f64 = 0.06;
 const SUPPORT_SIGMA_M: f64 = 0.02;
 /// Neighbours that make the surface's plane.
 const NEIGHBOURS: usize = 20;
-/// Share of points needed on the surface.
-const LEAST_SUPPORT: f64 = 0.40;
+/// Share of points needed on the surface, and support needed (method.md §4.6).
+const LEAST_INLIERS: f64 = 0.35;
+const LEAST_SUPPORT: f64 = 0.6;
 /// Residuals may be so many times what noise explains.
 const MOST_RESIDUAL: f64 = 2.0;
 /// Information of the weakest direction relative to the median's below which a pose is not held.
@@ -95,8 +96,10 @@ impl Verdict {
     /// What is wrong with the pose.
     pub(crate) fn doubts(&self) -> Vec<Doubt> {
         let mut doubts = Vec::new();
-        if self.inliers < LEAST_SUPPORT {
-            doubts.push(Doubt::Support { found: self.inliers, needed: LEAST_SUPPORT });
+        if self.inliers < LEAST_INLIERS {
+            doubts.push(Doubt::Support { found: self.inliers, needed: LEAST_INLIERS });
+        } else if self.support < LEAST_SUPPORT {
+            doubts.push(Doubt::Support { found: self.support, needed: LEAST_SUPPORT });
         }
         if self.weakest.1 < LEAST_INFORMATION {
             doubts.push(Doubt::Degenerate { information: self.weakest.1 });
@@ -134,6 +137,56 @@ pub(crate) fn residuals(found_m: f64, expected_m: f64) -> Option<Doubt> {
 fn twist_row(x: &Vector3<f64>, n: &Vector3<f64>) -> Vector6<f64> {
     let turn = x.cross(n);
     Vector6::new(turn.x, turn.y, turn.z, n.x, n.y, n.z)
+}
+
+/// How pairs of points fit a motion found from them.
+pub(crate) struct PairFit {
+    /// Of a left twist about `center`, as of pairs with unit variance.
+    pub(crate) information: Matrix6<f64>,
+    /// Their weighted centroid, m.
+    pub(crate) center: Point3<f64>,
+    /// Root mean square distance of a pair, m.
+    pub(crate) rms_m: f64,
+    /// Variance of one coordinate of a pair, m².
+    pub(crate) variance: f64,
+}
+
+impl PairFit {
+    /// Of moved points, where they should be, and weights; at least three.
+    pub(crate) fn of(pairs: impl Iterator<Item = (Point3<f64>, Point3<f64>, f64)> + Clone) -> Self {
+        let (mut count, mut total, mut sum) = (0.0, 0.0, Vector3::zeros());
+        for (moved, _, weight) in pairs.clone() {
+            count += 1.0;
+            total += weight;
+            sum += moved.coords * weight;
+        }
+        let center = Point3::from(sum / total);
+        let (mut turn, mut cross) = (Matrix3::zeros(), Matrix3::zeros());
+        let mut squares = 0.0;
+        for (moved, target, weight) in pairs {
+            let weight = weight * count / total;
+            // A left twist moves y by (−[y]×, I).
+            let y = skew(&(moved - center));
+            turn -= y * y * weight;
+            cross += y * weight;
+            squares += weight * (moved - target).norm_squared();
+        }
+        let mut information = Matrix6::zeros();
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+        information.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
+        information.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
+        information.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() * count));
+        // Three residuals a pair, six of them used up.
+        let freedom = (3.0 * count - 6.0).max(1.0);
+        Self { information, center, rms_m: (squares / count).sqrt(), variance: squares / freedom }
+    }
+
+    /// The covariance about the origin that their residuals give. A perfect fit is no certainty: their variance is at least
+    /// that of the points' noise, m.
+    pub(crate) fn covariance(&self, noise_m: f64, radius_m: f64) -> Matrix6<f64> {
+        let worth = self.variance.max(noise_m * noise_m) * POINTS_PER_SAMPLE;
+        covariance(&(self.information / worth), &self.center, radius_m)
+    }
 }
 
 /// The covariance of a left twist about the origin from the information about `center`, the floor added there: about the

@@ -22,20 +22,17 @@ mod sample;
 pub use options::{Candidate, Entries, Neighbourhood, PaperOptions, Sampled, ShellTolerance, SphereReading, Weighting};
 
 use super::baseline::prepare::Prepared;
-use super::baseline::verdict::{covariance, judge, residuals, weakest};
+use super::baseline::verdict::{LEAST_INFORMATION, PairFit, covariance, judge, residuals, weakest};
 use super::baseline::{IterationOptions, gicp};
 use super::{Cloud, Doubt, Prior, RegisterError, Registration};
 use crate::cga::{AlignmentError, PointPair, align};
 use match_points::{Matcher, Pairs};
-use nalgebra::{Isometry3, Matrix6, Point3, Translation3};
-use tumbled_model::se3::skew;
+use nalgebra::{Isometry3, Matrix6, Translation3};
 
 /// Pairs below which nothing is solved: three fix a motor, the fourth can contradict it.
 const LEAST_PAIRS: usize = 4;
 /// A neighbourhood's centre lies this share of its radius from its point, r.m.s.: 0 on open surfaces, 0.42 at their rims.
 const CENTER_OFFSET: f64 = 0.25;
-/// Residuals are alike among neighbours: so many pairs are worth one.
-const PAIRS_PER_SAMPLE: f64 = 4.0;
 
 /// Registers with the reconstruction of the published method. It takes no prior: the centroids are its start.
 ///
@@ -114,48 +111,25 @@ fn believe(
         // Nothing is known but that the bodies lie on each other.
         return (covariance(&Matrix6::zeros(), &reference.centroid(), radius), Vec::new());
     }
-    let total: f64 = pairs.pairs.iter().map(|pair| pair.weight).sum();
-    // In the reference's frame, where the pose takes the moving side: a left twist moves a point y by (−[y]×, I).
-    let moved = |pair: &PointPair| pose * if swapped { pair.point } else { pair.center };
-    let target = |pair: &PointPair| if swapped { pair.center } else { pair.point };
-    let mut sum = nalgebra::Vector3::zeros();
-    for pair in &pairs.pairs {
-        sum += moved(pair).coords * (pair.weight / total);
-    }
-    let center = Point3::from(sum);
-    let (mut information, mut squares) = (Matrix6::zeros(), 0.0);
-    for pair in &pairs.pairs {
-        let weight = pair.weight * count as f64 / total;
-        let cross = skew(&(moved(pair) - center));
-        let mut block = information.fixed_view_mut::<3, 3>(0, 0);
-        block -= cross * cross * weight;
-        let mut block = information.fixed_view_mut::<3, 3>(0, 3);
-        block += cross * weight;
-        let mut block = information.fixed_view_mut::<3, 3>(3, 0);
-        block -= cross * weight;
-        let mut block = information.fixed_view_mut::<3, 3>(3, 3);
-        block += nalgebra::Matrix3::identity() * weight;
-        squares += weight * (moved(pair) - target(pair)).norm_squared();
-    }
-    // Three residuals a pair, six of them used up; the variance is one axis's.
-    let freedom = (3 * count).saturating_sub(6).max(1) as f64;
-    let variance = squares / freedom;
-    let found_m = (squares / count as f64).sqrt();
+    // In the reference's frame, where the pose takes the moving side.
+    let sides = |pair: &PointPair| if swapped { (pair.point, pair.center) } else { (pair.center, pair.point) };
+    let fit = PairFit::of(pairs.pairs.iter().map(|pair| {
+        let (moving, target) = sides(pair);
+        (pose * moving, target, pair.weight)
+    }));
     let offset = CENTER_OFFSET * pairs.reach_m;
     let noise = spheres_of.noise_m(&spheres_of.centroid());
     let expected_m = (pairs.tolerance_m * pairs.tolerance_m + offset * offset + noise * noise).sqrt();
-    let mut doubts: Vec<Doubt> = residuals(found_m, expected_m).into_iter().collect();
-    let (_, held) = weakest(&information, radius);
-    if held < super::baseline::verdict::LEAST_INFORMATION {
+    let mut doubts: Vec<Doubt> = residuals(fit.rms_m, expected_m).into_iter().collect();
+    let (_, held) = weakest(&fit.information, radius);
+    if held < LEAST_INFORMATION {
         doubts.push(Doubt::Degenerate { information: held });
     }
     let needed = options.pairs.min(options.samples) / 2;
     if count < needed {
         doubts.push(Doubt::Pairs { found: count, needed });
     }
-    // A perfect fit is no certainty: the variance is at least that of the noise.
-    let worth = variance.max(noise * noise) * PAIRS_PER_SAMPLE;
-    (covariance(&(information / worth), &center, radius), doubts)
+    (fit.covariance(noise, radius), doubts)
 }
 
 /// The pose as the start of another method, whose answer it then is.

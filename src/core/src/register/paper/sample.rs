@@ -1,9 +1,9 @@
-//! Farthest point sampling.
+//! Farthest point sampling from the centroid.
 
 use nalgebra::Point3;
 
-/// Indices of `count` points (or of all, if there are fewer), each the farthest from those before it; the first is the
-/// farthest from `start`. Of equals the one with the lowest index. O(n·count).
+/// Indices of `count` points (or of all, if there are fewer), each the farthest from `start` and those before it: `start`,
+/// the centroid, counts as taken, as the text has it. Of equals the one with the lowest index. O(n·count).
 pub(super) fn farthest_points(points: &[Point3<f32>], count: usize, start: &Point3<f64>) -> Vec<u32> {
     let start: Point3<f32> = start.cast();
     // Chosen points get −1, and are never the farthest again.
@@ -33,17 +33,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_is_the_farthest_from_those_before() {
-        // On a line at 0, 1, 2, 3, 10: from 0 the farthest is 10, then 0 and 10 leave 3 (3 away) before 2 (2 away), ...
+    fn each_is_the_farthest_from_the_start_and_those_before() {
+        // On a line at 0, 1, 2, 3, 10 from 0: 10; then 3, which is 3 from the start and 7 from 10; then 1 and 2, each 1 from
+        // what is taken, and 0, where the start is.
         let points = [0.0, 1.0, 2.0, 3.0, 10.0].map(|x| Point3::new(x, 0.0, 0.0));
-        let order = farthest_points(&points, 9, &Point3::origin());
-        assert_eq!(order, [4, 0, 3, 1, 2]);
+        assert_eq!(farthest_points(&points, 9, &Point3::origin()), [4, 3, 1, 2, 0]);
+        assert_eq!(farthest_points(&points, 2, &Point3::origin()), [4, 3]);
     }
 
     #[test]
     fn of_equals_the_lowest_index_and_equal_points_all_come() {
+        // From (5, 5) the opposite corner, then the near one (8 from it), then both others (4 from either).
         let square = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Point3::new(x, y, 0.0));
-        assert_eq!(farthest_points(&square, 4, &Point3::origin()), [0, 3, 1, 2]);
+        assert_eq!(farthest_points(&square, 4, &Point3::new(5.0, 5.0, 0.0)), [3, 0, 1, 2]);
         assert_eq!(farthest_points(&[Point3::origin(); 3], 3, &Point3::origin()), [0, 1, 2]);
     }
 }
