@@ -128,7 +128,7 @@ impl Local {
 
 /// Eigenvalues, rising, and the unit eigenvector of the least of a covariance (xx, xy, xz, yy, yz, zz). Where it is not
 /// unique one of them: of no spread at all z.
-fn least_eigenvector([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> ([f64; 3], Vector3<f64>) {
+pub(crate) fn least_eigenvector([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> ([f64; 3], Vector3<f64>) {
     let trace = xx + yy + zz;
     if trace.is_nan() || trace <= 1e-30 {
         return ([0.0; 3], Vector3::z());

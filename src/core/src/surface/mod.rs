@@ -17,6 +17,7 @@ mod orient;
 pub mod patch;
 pub mod sampling;
 
+pub(crate) use local::least_eigenvector;
 pub use patch::{Detail, Patch, Shape};
 pub use sampling::farthest_points;
 

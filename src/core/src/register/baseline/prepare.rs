@@ -2,21 +2,19 @@
 
 use crate::neighbours::{KdTree, Neighbours};
 use crate::register::check::{CheckedPoints, check_cloud};
-use crate::register::{Cloud, RegisterError, SensorKind};
-use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
+use crate::register::{Cloud, RegisterError};
+use crate::surface::least_eigenvector;
+use crate::surface::noise::PointNoise;
+use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Fewer points make no plane.
 const LEAST_NEIGHBOURS: usize = 5;
-/// Noise of a LiDAR's range, m (VLP-32C data sheet: up to 3 cm).
-const LIDAR_NOISE_M: f64 = 0.02;
-/// Noise of a Kinect's depth over its square, 1/m (Khoshelham and Elberink 2012).
-const KINECT_NOISE_PER_M: f64 = 1.425e-3;
 
 /// A checked cloud with a tree.
 pub(crate) struct Prepared {
     checked: CheckedPoints,
     tree: KdTree,
-    sensor: SensorKind,
+    noise: PointNoise,
     viewpoint: Option<Point3<f64>>,
 }
 
@@ -79,14 +77,12 @@ impl Sums {
         }
         let count = self.count as f64;
         let mean = self.sum / count;
-        let eigen = SymmetricEigen::new(self.square / count - mean * mean.transpose());
-        let (flattest, _) = eigen.eigenvalues.argmin();
-        let mut variances: [f64; 3] = eigen.eigenvalues.map(|value| value.max(0.0)).into();
-        variances.sort_by(|a, b| b.total_cmp(a));
+        let c = self.square / count - mean * mean.transpose();
+        let ([small, middle, large], normal) = least_eigenvector([c.m11, c.m12, c.m13, c.m22, c.m23, c.m33]);
         Some(Moments {
             mean: self.about + mean,
-            variances,
-            normal: eigen.eigenvectors.column(flattest).into_owned(),
+            variances: [large.max(0.0), middle.max(0.0), small.max(0.0)],
+            normal,
             count: self.count,
             reach_m: self.reach_sq.sqrt(),
         })
@@ -98,7 +94,8 @@ impl Prepared {
     pub(crate) fn new(cloud: &Cloud, name: &'static str) -> Result<Self, RegisterError> {
         let checked = check_cloud(cloud, name)?;
         let tree = KdTree::build(&checked.points);
-        Ok(Self { checked, tree, sensor: cloud.sensor, viewpoint: cloud.viewpoint.map(|point| point.cast()) })
+        let noise = PointNoise::of(cloud.sensor, cloud.viewpoint, &checked.points);
+        Ok(Self { checked, tree, noise, viewpoint: cloud.viewpoint.map(|point| point.cast()) })
     }
 
     pub(crate) fn points(&self) -> &[Point3<f32>] {
@@ -138,13 +135,9 @@ impl Prepared {
         self.viewpoint
     }
 
-    /// Standard deviation of a point along its line of sight, m. A Kinect's whose viewpoint nobody knows is taken for a
-    /// LiDAR's, which is the larger up to 3.7 m.
+    /// Standard deviation of a point along its line of sight, m.
     pub(crate) fn noise_m(&self, point: &Point3<f64>) -> f64 {
-        match (self.sensor, self.viewpoint) {
-            (SensorKind::Kinect, Some(viewpoint)) => KINECT_NOISE_PER_M * (point - viewpoint).norm_squared(),
-            _ => LIDAR_NOISE_M,
-        }
+        f64::from(self.noise.sigma_m(&point.cast()))
     }
 
     /// The moments of the `k` points nearest to `point`. `None`: there are fewer than five.
