@@ -5,7 +5,7 @@
 //! local curvature; keypoints with like descriptors are paired, and the pairs give a coarse alignment. No code and no
 //! constants are public. **Ours** are therefore: which shape factors (the least planar points first), the distance between
 //! keypoints, that the two spheres are those of two concentric balls, the five numbers of the descriptor, which pairs are
-//! believed (those that agree in their distances from each other), and every default (the best of 48 tried on one set of 36
+//! believed (those that agree in their distances from each other), and every default (among the best of 48 tried on one set of 36
 //! simulated pairs). Take its figures for those of this
 //! reconstruction, not of the authors' program.
 
