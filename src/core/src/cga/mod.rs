@@ -11,7 +11,7 @@
 //!   too;
 //! * [`motor`]: rigid motion as a unit dual quaternion;
 //! * [`moment`], [`fit`], [`tangent`]: three spheres of a neighbourhood of points;
-//! * [`align`]: the motor that best takes points to sphere centres, in closed form.
+//! * [`mod@align`]: the motor that best takes points to sphere centres, in closed form.
 
 pub mod align;
 pub mod anchored;

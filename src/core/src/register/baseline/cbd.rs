@@ -1,13 +1,12 @@
 //! A curvature-based descriptor (Kleppe and Egeland, Advances in Applied Clifford Algebras 28, 2018), reconstructed.
 //!
-//! Public is the outline: keypoints are chosen by shape factors, so that they lie where a body has features; a keypoint's
-//! descriptor comes from two spheres that are fitted to its surroundings in conformal geometric algebra and describe the
-//! local curvature; keypoints with like descriptors are paired, and the pairs give a coarse alignment. No code and no
-//! constants are public. **Ours** are therefore: which shape factors (the least planar points first), the distance between
-//! keypoints, that the two spheres are those of two concentric balls, the five numbers of the descriptor, which pairs are
-//! believed (those that agree in their distances from each other), and every default (among the best of 48 tried on one set of 36
-//! simulated pairs). Take its figures for those of this
-//! reconstruction, not of the authors' program.
+//! Known to us is the outline: keypoints are chosen by shape factors, so that they lie where a body has features; a
+//! keypoint's descriptor comes from two spheres that are fitted to its surroundings in conformal geometric algebra and
+//! describe the local curvature; keypoints with like descriptors are paired, and the pairs give a coarse alignment. No code
+//! and no constants are public. **Ours** are therefore: which shape factors (the least planar points first), the distance
+//! between keypoints, that the two spheres are those of two concentric balls, the five numbers of the descriptor, which
+//! pairs are believed (those that agree in their distances from each other), and every default (among the best of 48 tried
+//! on one set of 36 simulated pairs). Take its figures for those of this reconstruction, not of the authors' program.
 
 use super::prepare::{Moments, Prepared};
 use super::verdict::{PairFit, judge};
