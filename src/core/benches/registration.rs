@@ -33,11 +33,11 @@ fn surface_point(u: f32, v: f32, noise: f32) -> Point3<f32> {
 }
 
 fn dense(n: usize) -> Cloud {
-    // Rows of even steps with a little jitter: about as evenly spread as pixels.
+    // Rows of even steps with some jitter: spread as evenly as the means of voxels.
     let columns = ((n as f32) * 1.3 / 0.4).sqrt() as usize;
     let rows = n.div_ceil(columns);
     let point = |k: usize| {
-        let (i, j) = ((k % columns) as f32 + chance(k, 1), (k / columns) as f32 + chance(k, 2));
+        let (i, j) = ((k % columns) as f32 + 0.4 * chance(k, 1), (k / columns) as f32 + 0.4 * chance(k, 2));
         surface_point(i / columns as f32, j / rows as f32, chance(k, 3))
     };
     Cloud {
@@ -172,9 +172,8 @@ fn look(bencher: divan::Bencher<'_, '_>, (n, _): (usize, usize)) {
     });
 }
 
-/// Scores of 32 poses near the truth, counted by points: all sparse ones and 200 dense ones.
-#[divan::bench(args = SIZES)]
-fn score(bencher: divan::Bencher<'_, '_>, (n, m): (usize, usize)) {
+/// Scores of 32 poses near the truth, counted by points: sparse and dense ones.
+fn scores(bencher: divan::Bencher<'_, '_>, n: usize, m: usize, asked: usize, probes: usize) {
     let (dense, sparse) = (dense(n), sparse(m));
     let surface = Surface::build(&dense, &SurfaceOptions::default());
     let scorer = Scorer::new(&surface, &dense, &sparse, Weights::HIDDEN_EXPLAINED);
@@ -183,9 +182,25 @@ fn score(bencher: divan::Bencher<'_, '_>, (n, m): (usize, usize)) {
         Placement::from(&(Isometry3::translation(step.x, step.y, step.z) * pose()))
     };
     let poses: Vec<Placement> = (0..32).map(near).collect();
+    let points: Vec<_> = sparse.points.iter().take(asked).copied().collect();
     bencher
-        .counter(ItemsCount::new(32 * (m + 200)))
-        .bench_local(|| poses.iter().map(|pose| scorer.score(pose, &sparse.points, 200)).sum::<f64>());
+        .counter(ItemsCount::new(32 * (points.len() + probes)))
+        .bench_local(|| poses.iter().map(|pose| scorer.score(pose, &points, probes)).sum::<f64>());
+}
+
+#[divan::bench(args = SIZES)]
+fn score(bencher: divan::Bencher<'_, '_>, (n, m): (usize, usize)) {
+    scores(bencher, n, m, m, 200);
+}
+
+#[divan::bench(args = SIZES)]
+fn score_of_sparse_points(bencher: divan::Bencher<'_, '_>, (n, m): (usize, usize)) {
+    scores(bencher, n, m, m, 0);
+}
+
+#[divan::bench(args = SIZES)]
+fn score_of_dense_points(bencher: divan::Bencher<'_, '_>, (n, m): (usize, usize)) {
+    scores(bencher, n, m, 0, 400);
 }
 
 /// Everything before the first pose can be scored.

@@ -3,7 +3,7 @@
 /// No point.
 pub(crate) const NOBODY: u32 = u32::MAX;
 
-/// Equal cells in a box; the last axis runs fastest. A picture is a lattice one cell thick.
+/// Equal cells in a box; the last axis runs fastest. A picture is a lattice one cell thick along the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lattice {
     /// The corner of the first cell.
@@ -77,10 +77,7 @@ impl Lattice {
             squared: vec![f32::INFINITY; self.count()],
         };
         for (point, number) in points.iter().zip(0..) {
-            let [cx, cy, cz] = self.clamped(*point);
-            let [sx, sy, _] = self.strides();
-            let middle = [self.middle(0, cx), self.middle(1, cy), self.middle(2, cz)];
-            fire.offer(cx * sx + cy * sy + cz, number, middle);
+            fire.light(self.clamped(*point), number);
         }
         for _ in 0..rounds {
             fire.sweep(2);
@@ -99,59 +96,91 @@ struct Brushfire<'a> {
 }
 
 impl Brushfire<'_> {
-    /// Gives a cell a point if that is nearer to its middle than the one it has.
-    fn offer(&mut self, cell: usize, number: u32, [x, y, z]: [f32; 3]) {
-        let Some([px, py, pz]) = self.points.get(number as usize) else { return };
-        let (Some(squared), Some(nearest)) = (self.squared.get_mut(cell), self.nearest.get_mut(cell)) else { return };
-        let (dx, dy, dz) = (px - x, py - y, pz - z);
-        let found = dx * dx + dy * dy + dz * dz;
-        if found < *squared || (found == *squared && number < *nearest) {
-            (*squared, *nearest) = (found, number);
+    /// Gives the cell of a place a point.
+    fn light(&mut self, [cx, cy, cz]: [usize; 3], number: u32) {
+        let [sx, sy, _] = self.lattice.strides();
+        let middle = [self.lattice.middle(0, cx), self.lattice.middle(1, cy), self.lattice.middle(2, cz)];
+        let cell = cx * sx + cy * sy + cz;
+        if let (Some(held), Some(squared)) = (self.nearest.get_mut(cell), self.squared.get_mut(cell)) {
+            exchange(self.points, number, middle, held, squared);
         }
     }
 
     /// Hands points on along an axis, up and down again.
     fn sweep(&mut self, axis: usize) {
-        let (a, b) = match axis {
-            0 => (1, 2),
-            1 => (0, 2),
-            _ => (0, 1),
+        let [nx, ny, _] = self.lattice.dims;
+        match axis {
+            0 => {
+                (1..nx).for_each(|x| (0..ny).for_each(|y| self.from_row([x - 1, y], [x, y])));
+                (1..nx).rev().for_each(|x| (0..ny).for_each(|y| self.from_row([x, y], [x - 1, y])));
+            }
+            1 => (0..nx).for_each(|x| {
+                (1..ny).for_each(|y| self.from_row([x, y - 1], [x, y]));
+                (1..ny).rev().for_each(|y| self.from_row([x, y], [x, y - 1]));
+            }),
+            _ => (0..nx).for_each(|x| (0..ny).for_each(|y| self.along_row([x, y]))),
+        }
+    }
+
+    /// Where a row (the cells along the last axis) is in the lists.
+    fn row(&self, [x, y]: [usize; 2]) -> core::ops::Range<usize> {
+        let [_, ny, nz] = self.lattice.dims;
+        let start = (x * ny + y) * nz;
+        start..start + nz
+    }
+
+    /// Hands a row's points on to the row beside it.
+    fn from_row(&mut self, from: [usize; 2], to: [usize; 2]) {
+        let (given, taken) = (self.row(from), self.row(to));
+        let [x, y] = [self.lattice.middle(0, to[0]), self.lattice.middle(1, to[1])];
+        let (lattice, points) = (self.lattice, self.points);
+        let (before, after) = self.nearest.split_at_mut(given.start.max(taken.start));
+        let (given, nearest) = if given.start < taken.start {
+            (before.get(given), after.get_mut(..taken.len()))
+        } else {
+            (after.get(..given.len()), before.get_mut(taken.clone()))
         };
-        let (dims, strides) = (self.lattice.dims, self.lattice.strides());
-        let size = |axis: usize| dims.get(axis).copied().unwrap_or(1);
-        let stride = |axis: usize| strides.get(axis).copied().unwrap_or(1);
-        let (count, step) = (size(axis), stride(axis));
-        for i in 0..size(a) {
-            for j in 0..size(b) {
-                let line = i * stride(a) + j * stride(b);
-                let mut middle = [0.0; 3];
-                set(&mut middle, a, self.lattice.middle(a, i));
-                set(&mut middle, b, self.lattice.middle(b, j));
-                for cell in 1..count {
-                    set(&mut middle, axis, self.lattice.middle(axis, cell));
-                    self.hand_on(line + (cell - 1) * step, line + cell * step, middle);
-                }
-                for cell in (1..count).rev() {
-                    set(&mut middle, axis, self.lattice.middle(axis, cell - 1));
-                    self.hand_on(line + cell * step, line + (cell - 1) * step, middle);
-                }
+        let (Some(given), Some(nearest), Some(squared)) = (given, nearest, self.squared.get_mut(taken)) else { return };
+        for (cell, ((&given, held), squared)) in given.iter().zip(nearest).zip(squared).enumerate() {
+            if given != *held {
+                exchange(points, given, [x, y, lattice.middle(2, cell)], held, squared);
             }
         }
     }
 
-    fn hand_on(&mut self, from: usize, to: usize, middle: [f32; 3]) {
-        let (Some(&given), Some(&held)) = (self.nearest.get(from), self.nearest.get(to)) else { return };
-        if given != held && given != NOBODY {
-            self.offer(to, given, middle);
+    /// Hands points on along a row, up and down again.
+    fn along_row(&mut self, at: [usize; 2]) {
+        let row = self.row(at);
+        let [x, y] = [self.lattice.middle(0, at[0]), self.lattice.middle(1, at[1])];
+        let (lattice, points) = (self.lattice, self.points);
+        let (Some(nearest), Some(squared)) = (self.nearest.get_mut(row.clone()), self.squared.get_mut(row)) else {
+            return;
+        };
+        let hand_on = |given: &mut u32, cell: usize, held: &mut u32, squared: &mut f32| {
+            if *given != *held {
+                exchange(points, *given, [x, y, lattice.middle(2, cell)], held, squared);
+            }
+            *given = *held;
+        };
+        let mut given = NOBODY;
+        for (cell, (held, squared)) in nearest.iter_mut().zip(squared.iter_mut()).enumerate() {
+            hand_on(&mut given, cell, held, squared);
+        }
+        given = NOBODY;
+        for (cell, (held, squared)) in nearest.iter_mut().zip(squared.iter_mut()).enumerate().rev() {
+            hand_on(&mut given, cell, held, squared);
         }
     }
 }
 
-fn set([x, y, z]: &mut [f32; 3], axis: usize, value: f32) {
-    match axis {
-        0 => *x = value,
-        1 => *y = value,
-        _ => *z = value,
+/// Gives a cell another point if that is nearer to its middle than the one it has.
+#[inline]
+fn exchange(points: &[[f32; 3]], given: u32, [x, y, z]: [f32; 3], held: &mut u32, squared: &mut f32) {
+    let Some([px, py, pz]) = points.get(given as usize) else { return };
+    let (dx, dy, dz) = (px - x, py - y, pz - z);
+    let found = dx * dx + dy * dy + dz * dz;
+    if found < *squared || (found == *squared && given < *held) {
+        (*squared, *held) = (found, given);
     }
 }
 
@@ -181,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_lattice_without_points_is_empty() {
-        let lattice = Lattice::cover([0.0; 3], [1.0, 1.0, 0.0], 0.1, 1_000);
+        let lattice = Lattice::cover([0.0; 3], [0.0, 1.0, 1.0], 0.1, 1_000);
         assert!(lattice.brushfire(&[], 2).iter().all(|&number| number == NOBODY));
     }
 

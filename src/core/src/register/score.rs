@@ -20,6 +20,9 @@ const SAME_RANGE_M: f32 = 0.05;
 /// Dense points that are held against the sparse sensor's sights.
 pub const PROBES: usize = 400;
 
+/// Points that go from step to step together: each step's code then fits the processor, and its sums its registers.
+const BLOCK: usize = 16;
+
 /// Largest error of the Gaussian in a score: absolute, of a value of 0..=1.
 pub const BELL_ERROR: f32 = 1e-5;
 
@@ -44,7 +47,7 @@ impl From<&Isometry3<f64>> for Placement {
 
 impl Placement {
     /// From the sparse frame to the dense one.
-    #[inline]
+    #[inline(always)]
     pub fn forth(&self, place: &[f32; 3]) -> [f32; 3] {
         let [row_x, row_y, row_z] = &self.rotation;
         let [tx, ty, tz] = self.translation;
@@ -52,7 +55,7 @@ impl Placement {
     }
 
     /// From the dense frame to the sparse one.
-    #[inline]
+    #[inline(always)]
     pub fn back(&self, [x, y, z]: &[f32; 3]) -> [f32; 3] {
         let [tx, ty, tz] = self.translation;
         let (x, y, z) = (x - tx, y - ty, z - tz);
@@ -250,17 +253,24 @@ impl<'a> Scorer<'a> {
     /// The sparse points on the dense surface and in the dense sensor's sights.
     fn of_sparse(&self, pose: &Placement, sparse: &[Point3<f32>], sensor: Option<[f32; 3]>) -> Parts {
         let [mut facing, mut support, mut hidden, mut front, mut sky] = [0.0f64; 5];
-        for point in sparse {
-            let place = pose.forth(&point.coords.into());
-            let (supported, is_facing) = self.support(&place, sensor);
-            support += f64::from(supported);
-            facing += if is_facing { f64::from(supported) } else { 0.0 };
+        let mut places = [[0.0; 3]; BLOCK];
+        let mut unsupported = [0.0; BLOCK];
+        let mut sightings = [Sighting::UNKNOWN; BLOCK];
+        for points in sparse.chunks(BLOCK) {
+            for ((point, place), unsupported) in points.iter().zip(&mut places).zip(&mut unsupported) {
+                *place = pose.forth(&point.coords.into());
+                let (supported, is_facing) = self.support(place, sensor);
+                support += f64::from(supported);
+                facing += f64::from(if is_facing { supported } else { 0.0 });
+                *unsupported = 1.0 - supported;
+            }
             if let Some(sights) = &self.dense_sights {
-                let sighting = sights.look(&place);
-                let unsupported = 1.0 - supported;
-                hidden += f64::from(unsupported * sighting.hidden);
-                front += f64::from(unsupported * sighting.front);
-                sky += f64::from(unsupported * sighting.sky);
+                sights.look_at(places.get(..points.len()).unwrap_or_default(), &mut sightings);
+                for ((_, sighting), unsupported) in points.iter().zip(&sightings).zip(&unsupported) {
+                    hidden += f64::from(unsupported * sighting.hidden);
+                    front += f64::from(unsupported * sighting.front);
+                    sky += f64::from(unsupported * sighting.sky);
+                }
             }
         }
         let share = 1.0 / sparse.len().max(1) as f64;
@@ -269,19 +279,18 @@ impl<'a> Scorer<'a> {
     }
 
     /// How much a place lies on the surface, and whether that faces the sparse sensor (nobody knows where it is: it does).
-    #[inline]
+    #[inline(always)]
     fn support(&self, place: &[f32; 3], sensor: Option<[f32; 3]>) -> (f32, bool) {
         let Some(patch) = self.surface.look(place) else { return (0.0, false) };
         let offset = patch.offset(place);
-        if dot(&offset, &offset) >= REACH_M * REACH_M {
-            return (0.0, false);
-        }
         let height = patch.height(&offset);
         let is_facing = sensor.is_none_or(|sensor| {
             let sight = patch.offset(&sensor);
             exceeds(dot(&sight, &patch.n), dot(&sight, &sight), FACING)
         });
-        (bell(height * height * (0.5 / (SIGMA_M * SIGMA_M))), is_facing)
+        let supported = bell(height * height * (0.5 / (SIGMA_M * SIGMA_M)));
+        // Near or far is chance: a value not wanted is quicker than a wrong guess.
+        (if dot(&offset, &offset) < REACH_M * REACH_M { supported } else { 0.0 }, is_facing)
     }
 
     /// The dense points in the sparse sensor's sights.
@@ -290,21 +299,26 @@ impl<'a> Scorer<'a> {
         let [mut support, mut hidden, mut front, mut sky, mut averted] = [0.0f64; 5];
         let mut known = 0u32;
         let asked = self.probes.get(..probes).unwrap_or(&self.probes);
-        for Probe { place, normal } in asked {
-            let Sighting { known: is_known, front: before, hidden: behind, sky: through, behind_m } =
-                sights.look(&pose.back(place));
+        let mut places = [[0.0; 3]; BLOCK];
+        let mut sightings = [Sighting::UNKNOWN; BLOCK];
+        for probes in asked.chunks(BLOCK) {
+            for (probe, place) in probes.iter().zip(&mut places) {
+                *place = pose.back(&probe.place);
+            }
+            sights.look_at(places.get(..probes.len()).unwrap_or_default(), &mut sightings);
             // Which way a place goes is chance: sums of zeros are quicker than wrong guesses.
-            known += u32::from(is_known);
-            front += f64::from(before);
-            hidden += f64::from(behind);
-            let [x, y, z] = place;
-            let to_sensor = [sx - x, sy - y, sz - z];
-            let (along, square) = (dot(&to_sensor, normal), dot(&to_sensor, &to_sensor));
-            let well = exceeds(along, square, WELL_FACING);
-            sky += f64::from(if well { through } else { 0.0 });
-            averted += f64::from(if well { 0.0 } else { through });
-            let is_seen = (behind_m.abs() < SAME_RANGE_M) & exceeds(along, square, FACING);
-            support += f64::from(u8::from(is_seen));
+            for (Probe { place: [x, y, z], normal }, sighting) in probes.iter().zip(&sightings) {
+                known += u32::from(sighting.known);
+                front += f64::from(sighting.front);
+                hidden += f64::from(sighting.hidden);
+                let to_sensor = [sx - x, sy - y, sz - z];
+                let (along, square) = (dot(&to_sensor, normal), dot(&to_sensor, &to_sensor));
+                let well = exceeds(along, square, WELL_FACING);
+                sky += f64::from(if well { sighting.sky } else { 0.0 });
+                averted += f64::from(if well { 0.0 } else { sighting.sky });
+                let is_seen = (sighting.behind_m.abs() < SAME_RANGE_M) & exceeds(along, square, FACING);
+                support += f64::from(u8::from(is_seen));
+            }
         }
         let share = 1.0 / f64::from(known.max(1));
         parts.seen_support = support * share;
@@ -324,20 +338,20 @@ fn sparse_spacing(sparse: &Cloud) -> f32 {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn dot([ax, ay, az]: &[f32; 3], [bx, by, bz]: &[f32; 3]) -> f32 {
     ax * bx + ay * by + az * bz
 }
 
 /// Whether the cosine between a vector and a unit normal exceeds a limit: from their product and the vector's square.
 /// Without a root: squares with their signs keep the order.
-#[inline]
+#[inline(always)]
 fn exceeds(along: f32, square: f32, limit: f32) -> bool {
     along * along.abs() > limit * limit.abs() * square
 }
 
 /// exp(−x) for x ≥ 0 with an absolute error of at most [`BELL_ERROR`].
-#[inline]
+#[inline(always)]
 fn bell(x: f32) -> f32 {
     // Beyond, the value is below the error.
     let x = if x < 16.0 { x } else { 16.0 };

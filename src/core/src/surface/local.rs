@@ -39,24 +39,26 @@ impl Members {
     /// Sums of N numbers of every member.
     #[inline]
     fn sums<const N: usize>(&self, of: impl Fn([f64; 3]) -> [f64; N]) -> [f64; N] {
-        let mut lanes = [[0.0; LANES]; N];
+        let mut lanes = [[0.0; N]; LANES];
         let (x, y, z) = (self.x.as_chunks::<LANES>(), self.y.as_chunks::<LANES>(), self.z.as_chunks::<LANES>());
-        let mut add = |lane: usize, place: [f64; 3]| {
-            for (lanes, value) in lanes.iter_mut().zip(of(place)) {
-                if let Some(sum) = lanes.get_mut(lane) {
-                    *sum += value;
-                }
+        let add = |sums: &mut [f64; N], place: [f64; 3]| {
+            for (sum, value) in sums.iter_mut().zip(of(place)) {
+                *sum += value;
             }
         };
         for ((x, y), z) in x.0.iter().zip(y.0).zip(z.0) {
-            for (lane, ((&x, &y), &z)) in x.iter().zip(y).zip(z).enumerate() {
-                add(lane, [x, y, z]);
+            for (((sums, &x), &y), &z) in lanes.iter_mut().zip(x).zip(y).zip(z) {
+                add(sums, [x, y, z]);
             }
         }
-        for (lane, ((&x, &y), &z)) in x.1.iter().zip(y.1).zip(z.1).enumerate() {
-            add(lane, [x, y, z]);
+        for (((sums, &x), &y), &z) in lanes.iter_mut().zip(x.1).zip(y.1).zip(z.1) {
+            add(sums, [x, y, z]);
         }
-        lanes.map(|[a, b, c, d]| (a + b) + (c + d))
+        let [mut all, b, c, d] = lanes;
+        for (((a, b), c), d) in all.iter_mut().zip(b).zip(c).zip(d) {
+            *a = (*a + b) + (c + d);
+        }
+        all
     }
 }
 

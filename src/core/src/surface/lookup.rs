@@ -56,12 +56,11 @@ impl Lookup {
         let [lx, ly, lz] = self.low;
         let [nx, ny, nz] = self.dims;
         let (i, j, k) = ((x - lx) * self.inverse_edge, (y - ly) * self.inverse_edge, (z - lz) * self.inverse_edge);
-        // Below the box and not a number first: as integers they would be 0.
-        if !(i >= 0.0 && j >= 0.0 && k >= 0.0) {
-            return None;
-        }
+        // Below the box and not a number are told before: as integers they would be 0.
+        let is_above = (i >= 0.0) & (j >= 0.0) & (k >= 0.0);
         let (i, j, k) = (i as u32, j as u32, k as u32);
-        if i >= nx || j >= ny || k >= nz {
+        let is_below = (i < nx) & (j < ny) & (k < nz);
+        if !(is_above & is_below) {
             return None;
         }
         let cell = ((i * ny + j) * nz + k) as usize;

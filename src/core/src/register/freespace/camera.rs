@@ -60,7 +60,7 @@ impl CameraMask {
     }
 
     /// What the camera says of a place, given from the viewpoint, m.
-    #[inline]
+    #[inline(always)]
     pub fn look(&self, ray: [f32; 3]) -> Sighting {
         let place = Vector3::from(ray);
         let [ax, ay, along] = self.axes;
@@ -74,25 +74,33 @@ impl CameraMask {
             return self.through(ray, 1.0);
         };
         let gap = around.angle * range - COVERED * self.spacing_m;
-        if gap >= 0.0 {
-            return self.through(ray, graded(gap * (1.0 / SKY_RAMP_M)));
-        }
         let behind = range - around.least;
         let (front, hidden) = (Depths::CAMERA.share(-behind), Depths::CAMERA.share(behind));
-        Sighting { known: true, front, hidden, sky: 0.0, behind_m: range - around.nearest }
+        let through = self.through(ray, graded(gap * (1.0 / SKY_RAMP_M)));
+        // Covered or not is chance: both are worked out, and one is taken.
+        let is_covered = gap < 0.0;
+        Sighting {
+            known: is_covered | through.known,
+            front: if is_covered { front } else { 0.0 },
+            hidden: if is_covered { hidden } else { 0.0 },
+            // No gap, no sky.
+            sky: through.sky,
+            behind_m: if is_covered { range - around.nearest } else { f32::INFINITY },
+        }
     }
 
     /// No ray passes by: the camera saw through, as far as it looked there.
-    #[inline]
+    #[inline(always)]
     fn through(&self, ray: [f32; 3], sky: f32) -> Sighting {
-        if self.in_view(ray) { Sighting { known: true, sky, ..Sighting::UNKNOWN } } else { Sighting::UNKNOWN }
+        let known = self.in_view(ray);
+        Sighting { known, sky: if known { sky } else { 0.0 }, ..Sighting::UNKNOWN }
     }
 
     /// In the nominal field of view; of a cloud with other axes it is not known, and everything before the camera is.
-    #[inline]
+    #[inline(always)]
     fn in_view(&self, [x, y, z]: [f32; 3]) -> bool {
         let [tx, ty] = VIEW;
-        !self.own_axes || (z > NEAREST_M && x.abs() < z * tx && y.abs() < z * ty)
+        !self.own_axes | ((z > NEAREST_M) & (x.abs() < z * tx) & (y.abs() < z * ty))
     }
 }
 

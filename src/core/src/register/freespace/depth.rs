@@ -67,7 +67,7 @@ impl DepthMask {
     }
 
     /// What the camera says of a place in its own frame (z forward), m.
-    #[inline]
+    #[inline(always)]
     pub fn look(&self, [x, y, z]: [f32; 3]) -> Sighting {
         if z.is_nan() || z <= NEAREST_M {
             return Sighting::UNKNOWN;

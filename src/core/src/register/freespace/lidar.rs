@@ -101,7 +101,7 @@ impl LidarMask {
     }
 
     /// What the LiDAR says of a place, given from the viewpoint, m.
-    #[inline]
+    #[inline(always)]
     pub fn look(&self, ray: [f32; 3]) -> Sighting {
         let place = Vector3::from(ray);
         let [ax, ay, az] = self.axes;

@@ -106,15 +106,22 @@ impl FreeSpace {
     }
 
     /// What the sensor says of a place in its cloud's frame, m.
-    #[inline]
     pub fn look(&self, place: &[f32; 3]) -> Sighting {
-        let ([x, y, z], [vx, vy, vz]) = (place, self.viewpoint);
-        let ray = [x - vx, y - vy, z - vz];
+        let mut found = [Sighting::UNKNOWN];
+        self.look_at(core::slice::from_ref(place), &mut found);
+        let [found] = found;
+        found
+    }
+
+    /// What it says of many places, one by one into `found`: asks only once which kind of sensor it is.
+    pub fn look_at(&self, places: &[[f32; 3]], found: &mut [Sighting]) {
+        let [vx, vy, vz] = self.viewpoint;
+        let rays = places.iter().map(|[x, y, z]| [x - vx, y - vy, z - vz]).zip(found);
         match &self.mask {
-            Mask::Camera(mask) => mask.look(ray),
-            Mask::Lidar(mask) => mask.look(ray),
-            Mask::Depth(mask) => mask.look(ray),
-            Mask::Ranges(mask) => mask.look(ray),
+            Mask::Camera(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
+            Mask::Lidar(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
+            Mask::Depth(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
+            Mask::Ranges(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
         }
     }
 

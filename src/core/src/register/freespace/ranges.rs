@@ -65,7 +65,7 @@ impl RangeMask {
     }
 
     /// What the LiDAR says of a place in its own frame (z up), m.
-    #[inline]
+    #[inline(always)]
     pub fn look(&self, [x, y, z]: [f32; 3]) -> Sighting {
         let flat = x * x + y * y;
         let elevation = arc(z, flat.sqrt());

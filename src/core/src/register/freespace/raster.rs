@@ -57,14 +57,14 @@ impl Raster {
     /// Around rays, with a margin and cells of an edge (or larger), in the raster's units. `None`: no rays.
     pub(crate) fn build(rays: &[Ray], edge: f32, margin: f32) -> Option<Self> {
         let lattice = cover(rays, edge, margin)?;
-        let places: Vec<[f32; 3]> = rays.iter().map(|ray| [ray.u, ray.v, 0.0]).collect();
+        let places: Vec<[f32; 3]> = rays.iter().map(|ray| [0.0, ray.u, ray.v]).collect();
         // One round is enough on a plane: every way to a cell is a way along one axis, then along the other.
         let nearest = lattice.brushfire(&places, 1);
         let mut columns = Columns::around_nearest(rays, &lattice, &nearest);
         for ray in rays {
             columns.stamp(ray, &lattice);
         }
-        let ([u, v, _], [nu, nv, _]) = (lattice.low, lattice.dims);
+        let ([_, u, v], [_, nu, nv]) = (lattice.low, lattice.dims);
         Some(Self {
             low: [u, v],
             inverse_edge: 1.0 / lattice.edge,
@@ -80,7 +80,7 @@ impl Raster {
     }
 
     /// The row of a v. `None`: outside.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn row(&self, v: f32) -> Option<u32> {
         let ([_, low], [_, rows]) = (self.low, self.dims);
         let row = (v - low) * self.inverse_edge;
@@ -88,7 +88,7 @@ impl Raster {
     }
 
     /// What lies around a direction in a row, u clamped to the raster.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn look_in_row(&self, u: f32, row: u32) -> Option<Around> {
         let ([low, _], [columns, rows]) = (self.low, self.dims);
         let column = (((u - low) * self.inverse_edge) as u32).min(columns - 1);
@@ -96,7 +96,7 @@ impl Raster {
     }
 
     /// What lies around a direction. `None`: it is outside.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn look(&self, u: f32, v: f32) -> Option<Around> {
         let ([low, _], [columns, rows]) = (self.low, self.dims);
         let column = (u - low) * self.inverse_edge;
@@ -121,11 +121,11 @@ fn cover(rays: &[Ray], edge: f32, margin: f32) -> Option<Lattice> {
         }
     }
     let ([lu, lv], [hu, hv]) = (low.map(|c| c - margin), high.map(|c| c + margin));
-    // One cell thick: the third coordinate of its middle is that of the rays.
-    let mut lattice = Lattice::cover([lu, lv, 0.0], [hu, hv, 0.0], edge, MOST_CELLS);
-    let [nu, nv, _] = lattice.dims;
-    lattice.dims = [nu, nv.next_multiple_of(LANES), 1];
-    lattice.low = [lu, lv, -0.5 * lattice.edge];
+    // One cell thick: the first coordinate of its middle is that of the rays.
+    let mut lattice = Lattice::cover([0.0, lu, lv], [0.0, hu, hv], edge, MOST_CELLS);
+    let [_, nu, nv] = lattice.dims;
+    lattice.dims = [1, nu, nv.next_multiple_of(LANES)];
+    lattice.low = [-0.5 * lattice.edge, lu, lv];
     Some(lattice)
 }
 
@@ -139,14 +139,14 @@ struct Columns {
 
 impl Columns {
     fn around_nearest(rays: &[Ray], lattice: &Lattice, nearest: &[u32]) -> Self {
-        let [_, nv, _] = lattice.dims;
+        let [_, _, nv] = lattice.dims;
         let mut squared_angle = Vec::with_capacity(nearest.len());
         let mut range = Vec::with_capacity(nearest.len());
         for (column, numbers) in nearest.chunks(nv).enumerate() {
-            let u = lattice.middle(0, column);
+            let u = lattice.middle(1, column);
             for (row, &number) in numbers.iter().enumerate() {
                 let ray = rays.get(number as usize).filter(|_| number != NOBODY);
-                let around = ray.map(|ray| (ray.squared_angle(u, lattice.middle(1, row)), ray.range));
+                let around = ray.map(|ray| (ray.squared_angle(u, lattice.middle(2, row)), ray.range));
                 let (square, reached) = around.unwrap_or((WIDEST * WIDEST, 0.0));
                 squared_angle.push(square);
                 range.push(reached);
@@ -158,8 +158,8 @@ impl Columns {
     /// Lets a ray take part in the cells within its reach.
     fn stamp(&mut self, ray: &Ray, lattice: &Lattice) {
         let [uu, uv, vv] = ray.metric;
-        let [nu, nv, _] = lattice.dims;
-        let [lu, lv, _] = lattice.low;
+        let [_, nu, nv] = lattice.dims;
+        let [_, lu, lv] = lattice.low;
         // The metric hardly turns: its diagonal tells the box.
         let span = |c: f32, low: f32, metric: f32, n: usize| {
             let half = ray.reach / metric.max(1e-6).sqrt() * 1.05;
@@ -173,7 +173,7 @@ impl Columns {
         let bottom = bottom.min(nv - rows);
         let reach = ray.reach * ray.reach;
         for column in left..=right {
-            let du = lattice.middle(0, column) - ray.u;
+            let du = lattice.middle(1, column) - ray.u;
             let (constant, slope) = (uu * du * du, uv * du);
             let cells = column * nv + bottom..column * nv + bottom + rows;
             let lists = (
@@ -185,7 +185,7 @@ impl Columns {
             let (Some(squares), Some(nearest), Some(least), Some(greatest)) = lists else { continue };
             let fours = squares.as_chunks_mut::<LANES>().0.iter_mut().zip(nearest.as_chunks_mut::<LANES>().0);
             let ranges = least.as_chunks_mut::<LANES>().0.iter_mut().zip(greatest.as_chunks_mut::<LANES>().0);
-            let mut dv = lattice.middle(1, bottom) - ray.v;
+            let mut dv = lattice.middle(2, bottom) - ray.v;
             for ((squares, nearest), (least, greatest)) in fours.zip(ranges) {
                 let steps = [dv, dv + lattice.edge, dv + 2.0 * lattice.edge, dv + 3.0 * lattice.edge];
                 let ranges = least.iter_mut().zip(greatest);
