@@ -23,6 +23,14 @@ impl Workers {
         Self { pool: Some(pool) }
     }
 
+    /// What `work` answers to each item, in the items' order.
+    pub(crate) fn map<T: Sync, R: Send>(&self, items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+        match &self.pool {
+            Some(pool) => pool.install(|| items.par_iter().map(&work).collect()),
+            None => items.iter().map(work).collect(),
+        }
+    }
+
     /// Calls `work` with each piece of the columns: three to read and four to write, all of the same length.
     pub(crate) fn map_columns(
         &self,

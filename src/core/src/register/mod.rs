@@ -10,20 +10,29 @@
 //!
 //! * [`cloud`]: what goes in; [`outcome`]: what comes out, and why it may be refused;
 //! * [`freespace`]: what a sensor saw through; [`score`]: how well a pose explains both clouds;
+//! * [`solve`]: the default method; its parts are [`search`], [`refine`] and [`modes`];
 //! * [`paper`]: our reconstruction of the published method; [`baseline`]: the methods it is compared with.
 
 pub mod baseline;
 mod check;
 pub mod cloud;
+mod descend;
 pub mod freespace;
+mod modes;
 pub mod outcome;
 pub mod paper;
+mod pose;
+mod refine;
 pub mod score;
+pub mod search;
+pub mod solve;
+mod starts;
 
 pub use cloud::{Cloud, DepthView, RangeView, SensorKind, View};
 pub use freespace::{FreeSpace, Sighting};
 pub use outcome::{Doubt, Mode, RegisterError, Registration};
 pub use score::{Parts, Placement, Scorer, Weights};
+pub use solve::{Acceptance, CgaOptions, cga};
 
 use nalgebra::Isometry3;
 
