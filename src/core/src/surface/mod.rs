@@ -135,9 +135,9 @@ impl Surface {
     /// The patch near a place: the nearest to the middle of the place's cell. `None`: the place is outside the grid
     /// (farther than the margin from the points' box), or not a number.
     ///
-    /// Where the surface is within a cell, the patch is the nearest to the middle of the cell exactly: at most 1.74 cells
+    /// Where the surface is within half a cell, the patch is the nearest to the middle of the cell exactly: at most 1.74 cells
     /// (4.3 cm) farther from the place than the nearest. Farther from the surface cells share an answer two by two by
-    /// two, and the patch found may be up to 7 cells farther, in practice one.
+    /// two, and the patch found may be up to 7.5 cells farther, in practice one.
     #[inline]
     pub fn look(&self, place: &[f32; 3]) -> Option<&Patch> {
         self.patches.get(self.lookup.index(place)?)

@@ -2,7 +2,7 @@
 //! through it, or nobody knows (method.md §3.4, §3.4b).
 //!
 //! * with the misses: [`depth`] (a depth image), [`ranges`] (a LiDAR's range image);
-//! * from bare points: [`camera`] and [`lidar`], over a [`raster`] of what lies around each direction; a missing return
+//! * from bare points: [`camera`] and [`lidar`], over a raster of what lies around each direction; a missing return
 //!   says something exactly where the density of the returns around it says that one was due ([`rings`]);
 //! * [`angle`]: arcs, quick.
 

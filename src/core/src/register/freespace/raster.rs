@@ -58,18 +58,17 @@ impl Raster {
     pub(crate) fn build(rays: &[Ray], edge: f32, margin: f32) -> Option<Self> {
         let lattice = cover(rays, edge, margin)?;
         let places: Vec<[f32; 3]> = rays.iter().map(|ray| [0.0, ray.u, ray.v]).collect();
-        // One round is enough on a plane: every way to a cell is a way along one axis, then along the other.
-        let nearest = lattice.brushfire(&places, 1);
-        let mut columns = Columns::around_nearest(rays, &lattice, &nearest);
+        let nearest = lattice.brushfire(&places);
+        let mut fours = around_nearest(rays, &lattice, &nearest);
         for ray in rays {
-            columns.stamp(ray, &lattice);
+            stamp(ray, &lattice, &mut fours);
         }
         let ([_, u, v], [_, nu, nv]) = (lattice.low, lattice.dims);
         Some(Self {
             low: [u, v],
             inverse_edge: 1.0 / lattice.edge,
             dims: [nu as u32, nv as u32],
-            cells: columns.cells(),
+            cells: fours.iter().flat_map(cells).collect(),
         })
     }
 
@@ -129,87 +128,81 @@ fn cover(rays: &[Ray], edge: f32, margin: f32) -> Option<Lattice> {
     Some(lattice)
 }
 
-/// The raster while rays are stamped on it: a list for each number, so that four rows are one register.
-struct Columns {
-    squared_angle: Vec<f32>,
-    nearest: Vec<f32>,
-    least: Vec<f32>,
-    greatest: Vec<f32>,
+/// Four cells of a column while rays are stamped on them: a register for each number, a cache line together.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Four {
+    squared_angle: [f32; LANES],
+    nearest: [f32; LANES],
+    least: [f32; LANES],
+    greatest: [f32; LANES],
 }
 
-impl Columns {
-    fn around_nearest(rays: &[Ray], lattice: &Lattice, nearest: &[u32]) -> Self {
-        let [_, _, nv] = lattice.dims;
-        let mut squared_angle = Vec::with_capacity(nearest.len());
-        let mut range = Vec::with_capacity(nearest.len());
-        for (column, numbers) in nearest.chunks(nv).enumerate() {
-            let u = lattice.middle(1, column);
-            for (row, &number) in numbers.iter().enumerate() {
-                let ray = rays.get(number as usize).filter(|_| number != NOBODY);
-                let around = ray.map(|ray| (ray.squared_angle(u, lattice.middle(2, row)), ray.range));
-                let (square, reached) = around.unwrap_or((WIDEST * WIDEST, 0.0));
-                squared_angle.push(square);
-                range.push(reached);
-            }
-        }
-        Self { squared_angle, least: range.clone(), greatest: range.clone(), nearest: range }
-    }
-
-    /// Lets a ray take part in the cells within its reach.
-    fn stamp(&mut self, ray: &Ray, lattice: &Lattice) {
-        let [uu, uv, vv] = ray.metric;
-        let [_, nu, nv] = lattice.dims;
-        let [_, lu, lv] = lattice.low;
-        // The metric hardly turns: its diagonal tells the box.
-        let span = |c: f32, low: f32, metric: f32, n: usize| {
-            let half = ray.reach / metric.max(1e-6).sqrt() * 1.05;
-            let from = ((c - half - low) / lattice.edge) as usize;
-            let to = ((c + half - low) / lattice.edge) as usize;
-            (from.min(n - 1), to.min(n - 1))
-        };
-        let ((left, right), (bottom, top)) = (span(ray.u, lu, uu, nu), span(ray.v, lv, vv, nv));
-        // Whole registers, and never beyond the column.
-        let rows = (top + 1 - bottom).next_multiple_of(LANES);
-        let bottom = bottom.min(nv - rows);
-        let reach = ray.reach * ray.reach;
-        for column in left..=right {
-            let du = lattice.middle(1, column) - ray.u;
-            let (constant, slope) = (uu * du * du, uv * du);
-            let cells = column * nv + bottom..column * nv + bottom + rows;
-            let lists = (
-                self.squared_angle.get_mut(cells.clone()),
-                self.nearest.get_mut(cells.clone()),
-                self.least.get_mut(cells.clone()),
-                self.greatest.get_mut(cells),
-            );
-            let (Some(squares), Some(nearest), Some(least), Some(greatest)) = lists else { continue };
-            let fours = squares.as_chunks_mut::<LANES>().0.iter_mut().zip(nearest.as_chunks_mut::<LANES>().0);
-            let ranges = least.as_chunks_mut::<LANES>().0.iter_mut().zip(greatest.as_chunks_mut::<LANES>().0);
-            let mut dv = lattice.middle(2, bottom) - ray.v;
-            for ((squares, nearest), (least, greatest)) in fours.zip(ranges) {
-                let steps = [dv, dv + lattice.edge, dv + 2.0 * lattice.edge, dv + 3.0 * lattice.edge];
-                let ranges = least.iter_mut().zip(greatest);
-                for (((square, nearest), (least, greatest)), dv) in
-                    squares.iter_mut().zip(nearest).zip(ranges).zip(steps)
-                {
-                    let found = constant + (slope + vv * dv) * dv;
-                    let is_nearer = found < *square;
-                    *square = if is_nearer { found } else { *square };
-                    *nearest = if is_nearer { ray.range } else { *nearest };
-                    *least = if found <= reach && ray.range < *least { ray.range } else { *least };
-                    *greatest = if found <= reach && ray.range > *greatest { ray.range } else { *greatest };
+/// Of each cell its nearest ray alone.
+fn around_nearest(rays: &[Ray], lattice: &Lattice, nearest: &[u32]) -> Vec<Four> {
+    let [_, _, nv] = lattice.dims;
+    let mut fours = Vec::with_capacity(nearest.len() / LANES);
+    for (column, numbers) in nearest.chunks(nv).enumerate() {
+        let u = lattice.middle(1, column);
+        for (block, numbers) in numbers.as_chunks::<LANES>().0.iter().enumerate() {
+            let (mut squared_angle, mut range) = ([WIDEST * WIDEST; LANES], [0.0; LANES]);
+            let cells = squared_angle.iter_mut().zip(&mut range).zip(numbers).zip(block * LANES..);
+            for (((square, range), &number), row) in cells {
+                if let Some(ray) = rays.get(number as usize).filter(|_| number != NOBODY) {
+                    (*square, *range) = (ray.squared_angle(u, lattice.middle(2, row)), ray.range);
                 }
-                dv += LANES as f32 * lattice.edge;
             }
+            fours.push(Four { squared_angle, nearest: range, least: range, greatest: range });
         }
     }
+    fours
+}
 
-    fn cells(self) -> Vec<Around> {
-        let ranges = self.nearest.iter().zip(&self.least).zip(&self.greatest);
-        let cell = |(&square, ((&nearest, &least), &greatest)): (&f32, ((&f32, &f32), &f32))| {
-            // Rounding may make the square of nothing a little less.
-            Around { angle: if square > 0.0 { square.sqrt() } else { 0.0 }, nearest, least, greatest }
-        };
-        self.squared_angle.iter().zip(ranges).map(cell).collect()
+/// Lets a ray take part in the cells within its reach.
+fn stamp(ray: &Ray, lattice: &Lattice, fours: &mut [Four]) {
+    let [uu, uv, vv] = ray.metric;
+    let [_, nu, nv] = lattice.dims;
+    let [_, lu, lv] = lattice.low;
+    // The metric hardly turns: its diagonal tells the box.
+    let span = |c: f32, low: f32, metric: f32, n: usize| {
+        let half = ray.reach / metric.max(1e-6).sqrt() * 1.05;
+        let from = ((c - half - low) / lattice.edge) as usize;
+        let to = ((c + half - low) / lattice.edge) as usize;
+        (from.min(n - 1), to.min(n - 1))
+    };
+    let ((left, right), (bottom, top)) = (span(ray.u, lu, uu, nu), span(ray.v, lv, vv, nv));
+    let (first, last) = (bottom / LANES, top / LANES);
+    let reach = ray.reach * ray.reach;
+    let in_column = nv / LANES;
+    for column in left..=right {
+        let du = lattice.middle(1, column) - ray.u;
+        let (constant, slope) = (uu * du * du, uv * du);
+        let mut dv = lattice.middle(2, first * LANES) - ray.v;
+        for four in fours.get_mut(column * in_column + first..=column * in_column + last).unwrap_or_default() {
+            let steps = [dv, dv + lattice.edge, dv + 2.0 * lattice.edge, dv + 3.0 * lattice.edge];
+            let nearest = four.squared_angle.iter_mut().zip(&mut four.nearest);
+            let ranges = four.least.iter_mut().zip(&mut four.greatest);
+            for (((square, nearest), (least, greatest)), dv) in nearest.zip(ranges).zip(steps) {
+                let found = constant + (slope + vv * dv) * dv;
+                let is_nearer = found < *square;
+                *square = if is_nearer { found } else { *square };
+                *nearest = if is_nearer { ray.range } else { *nearest };
+                *least = if (found <= reach) & (ray.range < *least) { ray.range } else { *least };
+                *greatest = if (found <= reach) & (ray.range > *greatest) { ray.range } else { *greatest };
+            }
+            dv += LANES as f32 * lattice.edge;
+        }
     }
+}
+
+fn cells(four: &Four) -> [Around; LANES] {
+    let mut cells = [Around { angle: 0.0, nearest: 0.0, least: 0.0, greatest: 0.0 }; LANES];
+    let nearest = four.squared_angle.iter().zip(&four.nearest);
+    let ranges = four.least.iter().zip(&four.greatest);
+    for ((cell, (&square, &nearest)), (&least, &greatest)) in cells.iter_mut().zip(nearest).zip(ranges) {
+        // Rounding may make the square of nothing a little less.
+        let angle = if square > 0.0 { square.sqrt() } else { 0.0 };
+        *cell = Around { angle, nearest, least, greatest };
+    }
+    cells
 }
