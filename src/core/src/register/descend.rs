@@ -15,9 +15,9 @@ pub(super) const BLOCK: usize = 8;
 #[derive(Clone, Debug)]
 pub(super) struct Probes {
     /// The centroid of the whole cloud, its own frame.
-    pub centroid: Point3<f64>,
+    pub(super) centroid: Point3<f64>,
     /// Where the sensor stood, about the centroid; `None`: nobody knows.
-    pub viewpoint: Option<Vector3<f32>>,
+    pub(super) viewpoint: Option<Vector3<f32>>,
     blocks: Vec<[f32x8; 3]>,
 }
 
@@ -46,15 +46,15 @@ impl Probes {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Schedule {
     /// Probes used, in whole blocks; as many as there are if there are fewer.
-    pub probes: usize,
+    pub(super) probes: usize,
     /// Steps.
-    pub steps: u32,
+    pub(super) steps: u32,
     /// The kernel's scale at the first step, m.
-    pub from_m: f32,
+    pub(super) from_m: f32,
     /// At the last step, m.
-    pub to_m: f32,
+    pub(super) to_m: f32,
     /// Probes farther than this from their patch's point, along the surface, have left its rim: they say nothing, m.
-    pub rim_m: f32,
+    pub(super) rim_m: f32,
 }
 
 /// The point part's weight beside the plane part's: strong while the kernel is wide, weak later.

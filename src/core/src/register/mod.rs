@@ -10,7 +10,7 @@
 //!
 //! * [`cloud`]: what goes in; [`outcome`]: what comes out, and why it may be refused;
 //! * [`freespace`]: what a sensor saw through; [`score`]: how well a pose explains both clouds;
-//! * [`solve`]: the default method; its parts are [`search`], [`refine`] and [`modes`];
+//! * [`cga`]: the default method; search, refinement and judgement are its parts;
 //! * [`paper`]: our reconstruction of the published method; [`baseline`]: the methods it is compared with.
 
 pub mod baseline;
@@ -24,14 +24,15 @@ pub mod paper;
 mod pose;
 mod refine;
 pub mod score;
-pub mod search;
-pub mod solve;
+mod search;
+mod solve;
 mod starts;
 
 pub use cloud::{Cloud, DepthView, RangeView, SensorKind, View};
 pub use freespace::{FreeSpace, Sighting};
 pub use outcome::{Doubt, Mode, RegisterError, Registration};
 pub use score::{Parts, Placement, Scorer, Weights};
+pub use search::SearchOptions;
 pub use solve::{Acceptance, CgaOptions, cga};
 
 use nalgebra::Isometry3;

@@ -5,25 +5,25 @@ use core::cmp::Ordering;
 
 /// A pose and its score.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Candidate {
+pub(super) struct Candidate {
     /// The pose.
-    pub pose: Pose,
+    pub(super) pose: Pose,
     /// How well it explains what both sensors saw.
-    pub score: f32,
+    pub(super) score: f32,
 }
 
 /// Nearer than this, rad and m, two candidates have come to the same place: 4.5° and 5 cm.
-pub const SAME: (f32, f32) = (4.5 / 180.0 * core::f32::consts::PI, 0.05);
+pub(super) const SAME: (f32, f32) = (4.5 / 180.0 * core::f32::consts::PI, 0.05);
 /// Farther than this, rad or m, they are different answers: 11.5° and 15 cm.
-pub const OTHER: (f32, f32) = (11.5 / 180.0 * core::f32::consts::PI, 0.15);
+pub(super) const OTHER: (f32, f32) = (11.5 / 180.0 * core::f32::consts::PI, 0.15);
 
 /// Best first; of equal scores the one found first.
-pub fn sort(candidates: &mut [Candidate]) {
+pub(super) fn sort(candidates: &mut [Candidate]) {
     candidates.sort_by(|a, b| b.score.partial_cmp(&a.score).unwrap_or(Ordering::Equal));
 }
 
 /// Of sorted candidates the best of each place, `most` at most.
-pub fn distinct(candidates: &[Candidate], (angle_rad, distance_m): (f32, f32), most: usize) -> Vec<Candidate> {
+pub(super) fn distinct(candidates: &[Candidate], (angle_rad, distance_m): (f32, f32), most: usize) -> Vec<Candidate> {
     let mut kept: Vec<Candidate> = Vec::with_capacity(most.min(candidates.len()));
     for candidate in candidates {
         if kept.len() == most {
@@ -37,7 +37,7 @@ pub fn distinct(candidates: &[Candidate], (angle_rad, distance_m): (f32, f32), m
 }
 
 /// Probabilities of modes from their scores, of which each tenth is worth `beta`/10 in log odds.
-pub fn probabilities(modes: &[Candidate], beta: f64) -> Vec<f64> {
+pub(super) fn probabilities(modes: &[Candidate], beta: f64) -> Vec<f64> {
     let best = modes.iter().map(|mode| f64::from(mode.score)).fold(f64::NEG_INFINITY, f64::max);
     let weights: Vec<f64> = modes.iter().map(|mode| libm::exp(beta * (f64::from(mode.score) - best))).collect();
     let sum: f64 = weights.iter().sum();

@@ -81,6 +81,14 @@ pub enum Doubt {
         /// Root mean square angle, degrees.
         spread_deg: f64,
     },
+    /// The noise of both sensors leaves too much open.
+    #[error("uncertain: one standard deviation is {rotation_deg:.1} degrees and {translation_m:.3} m")]
+    Uncertain {
+        /// Of the three axes together, degrees.
+        rotation_deg: f64,
+        /// At the sparse cloud's centroid, m.
+        translation_m: f64,
+    },
     /// The residuals are larger than the noise explains.
     #[error("residuals of {found_m:.4} m where the noise explains {expected_m:.4} m")]
     Residuals {

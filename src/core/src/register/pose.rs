@@ -7,33 +7,33 @@ use tumbled_model::se3::exp_rotation;
 /// Takes probes to the surface's frame: `x = R (p − c) + centre`, c the probes' centroid. About the centroid rotation and
 /// translation hardly mix, and single precision is enough for a body metres away.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
+pub(super) struct Pose {
     /// R.
-    pub rotation: Matrix3<f32>,
+    pub(super) rotation: Matrix3<f32>,
     /// Where the probes' centroid comes to lie, m.
-    pub center: Vector3<f32>,
+    pub(super) center: Vector3<f32>,
 }
 
 impl Pose {
     /// From a rotation and the place of the centroid.
-    pub fn new(rotation: &UnitQuaternion<f64>, center: Vector3<f64>) -> Self {
+    pub(super) fn new(rotation: &UnitQuaternion<f64>, center: Vector3<f64>) -> Self {
         Self { rotation: rotation.to_rotation_matrix().into_inner().cast(), center: center.cast() }
     }
 
     /// From a transform of points; `centroid`: the probes'.
-    pub fn of(transform: &Isometry3<f64>, centroid: &Point3<f64>) -> Self {
+    pub(super) fn of(transform: &Isometry3<f64>, centroid: &Point3<f64>) -> Self {
         Self::new(&transform.rotation, (transform * centroid).coords)
     }
 
     /// As a transform of points; `centroid`: the probes'.
-    pub fn isometry(&self, centroid: &Point3<f64>) -> Isometry3<f64> {
+    pub(super) fn isometry(&self, centroid: &Point3<f64>) -> Isometry3<f64> {
         let rotation = UnitQuaternion::from_matrix(&self.rotation.cast::<f64>());
         let translation = self.center.cast::<f64>() - rotation * centroid.coords;
         Isometry3::from_parts(Translation3::from(translation), rotation)
     }
 
     /// As the score wants it; `centroid`: the probes'.
-    pub fn placement(&self, centroid: &Point3<f64>) -> Placement {
+    pub(super) fn placement(&self, centroid: &Point3<f64>) -> Placement {
         let r = &self.rotation;
         let translation = self.center - r * centroid.coords.cast::<f32>();
         Placement {
@@ -43,7 +43,7 @@ impl Pose {
     }
 
     /// Turned about the centroid's place by a rotation vector, rad, and moved, m.
-    pub fn moved(&self, turn: &Vector3<f64>, step: &Vector3<f64>) -> Self {
+    pub(super) fn moved(&self, turn: &Vector3<f64>, step: &Vector3<f64>) -> Self {
         let turn = exp_rotation(turn).to_rotation_matrix().into_inner();
         Self {
             rotation: (turn * self.rotation.cast::<f64>()).cast(),
@@ -52,7 +52,7 @@ impl Pose {
     }
 
     /// Whether another one is the same for the search: nearer than an angle, rad, and a distance, m.
-    pub fn is_near(&self, other: &Self, angle_rad: f32, distance_m: f32) -> bool {
+    pub(super) fn is_near(&self, other: &Self, angle_rad: f32, distance_m: f32) -> bool {
         // tr(RᵀR') = 1 + 2 cos a: no inverse cosine needed.
         let trace = self.rotation.component_mul(&other.rotation).sum();
         let near = (self.center - other.center).norm_squared() <= distance_m * distance_m;

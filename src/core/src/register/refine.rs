@@ -8,20 +8,22 @@ use tumbled_model::se3::{adjoint, exp_rotation, log_rotation, skew};
 
 /// Settings of the refinement.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefineOptions {
+pub(super) struct RefineOptions {
     /// The most iterations.
-    pub iterations: u32,
+    pub(super) iterations: u32,
     /// The kernel's first scale, m.
-    pub from_m: f64,
+    pub(super) from_m: f64,
     /// The kernel's last scale, m: 4.5 cm for a LiDAR's probes, 3 cm for a Kinect's.
-    pub to_m: f64,
+    pub(super) to_m: f64,
     /// Whether patches are spheres (else planes).
-    pub curvature: bool,
+    pub(super) curvature: bool,
+    /// Probes farther than this from their patch, along the surface, have left its rim: they say nothing, m.
+    pub(super) rim_m: f64,
 }
 
 impl Default for RefineOptions {
     fn default() -> Self {
-        Self { iterations: 25, from_m: 0.10, to_m: 0.045, curvature: true }
+        Self { iterations: 25, from_m: 0.10, to_m: 0.045, curvature: true, rim_m: f64::INFINITY }
     }
 }
 
@@ -40,47 +42,47 @@ const EARLIEST: u32 = 8;
 
 /// A probe with its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Probe {
+pub(super) struct Probe {
     /// In its sensor's frame, m.
-    pub point: Point3<f64>,
+    pub(super) point: Point3<f64>,
     /// Standard deviation along its line of sight, m.
-    pub sigma_m: f64,
+    pub(super) sigma_m: f64,
 }
 
 /// What is known beforehand, in the surface's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefinePrior {
+pub(super) struct RefinePrior {
     /// The guess, probes to surface.
-    pub transform: Isometry3<f64>,
+    pub(super) transform: Isometry3<f64>,
     /// Standard deviations: rotation, rad; translation at the probes' centroid, m.
-    pub sigma: (f64, f64),
+    pub(super) sigma: (f64, f64),
 }
 
 /// A refined pose.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Refined {
+pub(super) struct Refined {
     /// Probes to surface.
-    pub transform: Isometry3<f64>,
+    pub(super) transform: Isometry3<f64>,
     /// HᵀWH of the probes alone, for a twist about the image of the probes' centroid, rotation first.
-    pub information: Matrix6<f64>,
+    pub(super) information: Matrix6<f64>,
     /// The prior's, of the same twist.
-    pub prior_information: Matrix6<f64>,
+    pub(super) prior_information: Matrix6<f64>,
     /// The share of the probes that lie on the surface.
-    pub inliers: f64,
+    pub(super) inliers: f64,
     /// Their number.
-    pub inlier_count: usize,
+    pub(super) inlier_count: usize,
     /// Root mean square of their distances, m.
-    pub rmse_m: f64,
+    pub(super) rmse_m: f64,
     /// What the noise of both sensors explains, m.
-    pub expected_m: f64,
+    pub(super) expected_m: f64,
     /// Iterations made.
-    pub iterations: u32,
+    pub(super) iterations: u32,
     /// Whether the last step was short enough.
-    pub converged: bool,
+    pub(super) converged: bool,
 }
 
 /// Refines a pose.
-pub fn refine(
+pub(super) fn refine(
     surface: &Surface,
     probes: &[Probe],
     viewpoint: Option<&Point3<f64>>,
@@ -95,7 +97,7 @@ pub fn refine(
     let mut system;
     loop {
         let kernel = (options.from_m * libm::pow(NARROWING, f64::from(iterations))).max(options.to_m);
-        system = System::gather(surface, probes, viewpoint, &transform, &centroid, kernel, options.curvature);
+        system = System::gather(surface, probes, viewpoint, &transform, &centroid, kernel, options);
         if iterations == options.iterations || converged {
             break;
         }
@@ -133,7 +135,7 @@ fn stepped(transform: &Isometry3<f64>, centroid: &Point3<f64>, step: &Vector6<f6
 fn prior_terms(prior: &RefinePrior, at: &Isometry3<f64>, centroid: &Point3<f64>) -> (Matrix6<f64>, Vector6<f64>) {
     let turn = log_rotation(&(at.rotation * prior.transform.rotation.inverse()));
     let shift = at * centroid - prior.transform * centroid;
-    let (rotation, translation) = (prior.sigma.0.powi(-2), prior.sigma.1.powi(-2));
+    let (rotation, translation) = (1.0 / (prior.sigma.0 * prior.sigma.0), 1.0 / (prior.sigma.1 * prior.sigma.1));
     let weights = Vector6::new(rotation, rotation, rotation, translation, translation, translation);
     let error = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
     (Matrix6::from_diagonal(&weights), weights.component_mul(&error))
@@ -152,7 +154,6 @@ struct System {
 }
 
 impl System {
-    #[expect(clippy::too_many_arguments, reason = "one call: the pieces of one sum")]
     fn gather(
         surface: &Surface,
         probes: &[Probe],
@@ -160,7 +161,7 @@ impl System {
         transform: &Isometry3<f64>,
         centroid: &Point3<f64>,
         kernel: f64,
-        curvature: bool,
+        options: &RefineOptions,
     ) -> Self {
         let mut system = Self::default();
         let center = transform * centroid;
@@ -170,14 +171,17 @@ impl System {
             let x = transform * probe.point;
             let Some(index) = surface.look_index(&x.coords.cast::<f32>().into()) else { continue };
             let Some(patch) = surface.details().get(index) else { continue };
-            if (x - patch.anchor).norm_squared() > reach * reach {
+            let offset = x - patch.anchor;
+            let height = offset.dot(&patch.normal);
+            let along = offset.norm_squared() - height * height;
+            if offset.norm_squared() > reach * reach || along > options.rim_m * options.rim_m {
                 continue;
             }
             // The sensor that saw the probe saw its surface's front.
             if from.is_some_and(|from| patch.normal.dot(&(from - patch.anchor)) < 0.0) {
                 continue;
             }
-            let sphere = if curvature {
+            let sphere = if options.curvature {
                 AnchoredSphere::new(patch.anchor, patch.normal, patch.curvature)
             } else {
                 AnchoredSphere::new(patch.mean, patch.normal, 0.0)
@@ -227,35 +231,48 @@ impl System {
 }
 
 /// Independent residuals a scan of a target of 1.3 m never has more of: neighbours share a surface's roughness, a beam's
-/// bias, a pattern's error. Method.md §4.5, measured.
-const INDEPENDENT: f64 = 90.0;
+/// bias, a pattern's error. Chosen so that the squared errors of right poses have their covariance's mean (method.md §4.5
+/// has 90 and 4, for residuals of planes without rims; ours leave out what lies beyond a surface's rim).
+const INDEPENDENT: f64 = 150.0;
 /// Residuals for each independent one, at least.
-const LEAST_FACTOR: f64 = 4.0;
+const LEAST_FACTOR: f64 = 1.5;
 /// What no registration is better than: rotation, rad, and translation, m.
 const FLOOR: (f64, f64) = (0.3 / 180.0 * core::f64::consts::PI, 0.003);
 
 impl Refined {
     /// How many residuals count as one.
-    pub fn factor(&self) -> f64 {
+    pub(super) fn factor(&self) -> f64 {
         (self.inlier_count as f64 / INDEPENDENT).max(LEAST_FACTOR)
     }
 
-    /// Covariance of the left twist at the surface frame's origin, rotation first.
-    pub fn covariance(&self, centroid: &Point3<f64>, widening: f64) -> Matrix6<f64> {
+    /// Covariance of the twist about the image of the probes' centroid.
+    fn about_center(&self, widening: f64) -> Matrix6<f64> {
         let information = self.information / (self.factor() * widening) + self.prior_information;
         let regular = information + Matrix6::identity() * 1e-9;
-        let about_center = regular.try_inverse().unwrap_or_else(|| Matrix6::identity() * 1e9);
+        let covariance = regular.try_inverse().unwrap_or_else(|| Matrix6::identity() * 1e9);
         let (rotation, translation) = (FLOOR.0 * FLOOR.0, FLOOR.1 * FLOOR.1);
         let floor = Vector6::new(rotation, rotation, rotation, translation, translation, translation);
+        covariance + Matrix6::from_diagonal(&floor)
+    }
+
+    /// Covariance of the left twist at the surface frame's origin, rotation first.
+    pub(super) fn covariance(&self, centroid: &Point3<f64>, widening: f64) -> Matrix6<f64> {
         let center = self.transform * centroid;
         let to_origin = adjoint(&Isometry3::from_parts(Translation3::from(center.coords), Default::default()));
-        let covariance = to_origin * (about_center + Matrix6::from_diagonal(&floor)) * to_origin.transpose();
+        let covariance = to_origin * self.about_center(widening) * to_origin.transpose();
         (covariance + covariance.transpose()) * 0.5
+    }
+
+    /// Standard deviations of the three axes together: rotation, rad, and translation at the centroid, m.
+    pub(super) fn sigma(&self, widening: f64) -> (f64, f64) {
+        let covariance = self.about_center(widening);
+        let trace = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace();
+        (libm::sqrt(trace(0)), libm::sqrt(trace(3)))
     }
 
     /// The direction that the probes say least about, as a unit twist about the centroid with translations in units of
     /// `radius_m`, and its information relative to the median direction's.
-    pub fn weakest(&self, radius_m: f64) -> (Vector6<f64>, f64) {
+    pub(super) fn weakest(&self, radius_m: f64) -> (Vector6<f64>, f64) {
         let unit = Vector6::new(1.0, 1.0, 1.0, radius_m, radius_m, radius_m);
         let scaled = Matrix6::from_diagonal(&unit) * self.information * Matrix6::from_diagonal(&unit);
         let eigen = scaled.symmetric_eigen();

@@ -62,7 +62,7 @@ const LAST: Schedule = Schedule { probes: MOST, steps: 6, from_m: 0.08, to_m: 0.
 const POLISHING: Schedule = Schedule { probes: MOST, steps: 3, from_m: 0.05, to_m: 0.04, rim_m: f32::INFINITY };
 
 /// One search of a sparse cloud's pose on a dense cloud's surface.
-pub struct Search<'a> {
+pub(super) struct Search<'a> {
     surface: &'a Surface,
     scorer: &'a Scorer<'a>,
     options: &'a SearchOptions,
@@ -76,7 +76,7 @@ pub struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// `points`: the sparse cloud's, finite, the widest spread first ([`crate::surface::farthest_points`]).
-    pub fn new(
+    pub(super) fn new(
         surface: &'a Surface,
         scorer: &'a Scorer<'a>,
         mut points: Vec<Point3<f32>>,
@@ -91,20 +91,20 @@ impl<'a> Search<'a> {
     }
 
     /// The most points a search uses.
-    pub const MOST: usize = MOST;
+    pub(super) const MOST: usize = MOST;
 
     /// The sparse points in use.
-    pub fn points(&self) -> &[Point3<f32>] {
+    pub(super) fn points(&self) -> &[Point3<f32>] {
         &self.points
     }
 
-    /// The sparse cloud's centroid.
-    pub fn centroid(&self) -> &Point3<f64> {
-        &self.probes.centroid
+    /// How far beyond the surface's points a probe may lie along it, m.
+    pub(super) fn rim_m(&self) -> f64 {
+        self.rim_m.into()
     }
 
     /// Candidates from everywhere, best first. `sparse` and `dense`: where the clouds lie.
-    pub fn everywhere(&self, sparse: &Sight, dense: &Sight) -> Vec<Candidate> {
+    pub(super) fn everywhere(&self, sparse: &Sight, dense: &Sight) -> Vec<Candidate> {
         let centers = self.options.shifts.iter().map(|shift| (*shift, dense.corrected(*shift)));
         let starts: Vec<Pose> = centers
             .flat_map(|(shift, center)| {
@@ -114,7 +114,7 @@ impl<'a> Search<'a> {
                     .map(move |rotation| Pose::new(&rotation, center.coords - rotation * along))
             })
             .collect();
-        let mut found = self.from_starts(&starts, self.options.polished.0);
+        let mut found = self.winnowed(&starts, self.options.polished.0);
         let turned = self.turned(&found, sparse, dense);
         found.extend(turned);
         sort(&mut found);
@@ -122,16 +122,16 @@ impl<'a> Search<'a> {
     }
 
     /// Candidates about a guess, best first.
-    pub fn near(&self, guess: &Isometry3<f64>) -> Vec<Candidate> {
+    pub(super) fn near(&self, guess: &Isometry3<f64>) -> Vec<Candidate> {
         let pose = Pose::of(guess, &self.probes.centroid);
         let (count, radius_rad) = self.options.ball;
         let starts: Vec<Pose> =
             starts::ball(count, radius_rad).map(|turn| pose.moved(&turn, &Vector3::zeros())).collect();
-        self.from_starts(&starts, self.options.polished.1)
+        self.winnowed(&starts, self.options.polished.1)
     }
 
     /// The cuts from many starts to a few candidates, best first.
-    fn from_starts(&self, starts: &[Pose], polished: usize) -> Vec<Candidate> {
+    fn winnowed(&self, starts: &[Pose], polished: usize) -> Vec<Candidate> {
         let options = self.options;
         let [few, more] = DENSE_AT_CUTS;
         let mut all = self.descents(starts, &WIDE, SECOND, few);
@@ -158,7 +158,7 @@ impl<'a> Search<'a> {
     }
 
     /// The score of a pose by the first `sparse` points and `dense` points of the surface.
-    pub fn score(&self, pose: &Pose, sparse: usize, dense: usize) -> f32 {
+    pub(super) fn score(&self, pose: &Pose, sparse: usize, dense: usize) -> f32 {
         let points = self.points.get(..sparse).unwrap_or(&self.points);
         self.scorer.score(&pose.placement(&self.probes.centroid), points, dense) as f32
     }
@@ -169,11 +169,14 @@ impl<'a> Search<'a> {
         let mut starts = Vec::new();
         for base in found.iter().take(2) {
             let (middle, axes) = self.principal(&base.pose, sparse, dense);
-            for turn in starts::confusions(&axes) {
-                let matrix = turn.to_rotation_matrix().into_inner();
-                let center = matrix * (base.pose.center.cast::<f64>() - middle) + middle;
-                let rotation = matrix * base.pose.rotation.cast::<f64>();
-                starts.push(Pose { rotation: rotation.cast(), center: center.cast() });
+            // About the middle of what was seen, and about where the body's own may be.
+            for middle in [middle, middle + dense.direction * dense.depth_m] {
+                for turn in starts::confusions(&axes) {
+                    let matrix = turn.to_rotation_matrix().into_inner();
+                    let center = matrix * (base.pose.center.cast::<f64>() - middle) + middle;
+                    let rotation = matrix * base.pose.rotation.cast::<f64>();
+                    starts.push(Pose { rotation: rotation.cast(), center: center.cast() });
+                }
             }
         }
         let poses: Vec<Pose> = self.workers.map(&starts, |start| descend(self.surface, &self.probes, start, &TURNED));
@@ -236,7 +239,7 @@ impl<'a> Search<'a> {
     }
 
     /// How far, in root mean square, poses about this one go whose scores are as good: rad and m.
-    pub fn spread(&self, candidate: &Candidate) -> (f64, f64) {
+    pub(super) fn spread(&self, candidate: &Candidate) -> (f64, f64) {
         const SAMPLES: usize = 64;
         /// Score to log weight.
         const SHARPNESS: f64 = 40.0;
@@ -266,20 +269,20 @@ const SPREAD: (f64, f64) = (5.0 / 180.0 * core::f64::consts::PI, 0.03);
 
 /// Where a cloud lies, as its sensor sees it.
 #[derive(Clone, Debug)]
-pub struct Sight {
+pub(super) struct Sight {
     /// The mean of its points, m.
-    pub centroid: Point3<f64>,
+    pub(super) centroid: Point3<f64>,
     /// Their covariance, m².
-    pub covariance: Matrix3<f64>,
+    pub(super) covariance: Matrix3<f64>,
     /// From the sensor to the centroid, of length 1; nothing where nobody knows the sensor's place.
-    pub direction: Vector3<f64>,
+    pub(super) direction: Vector3<f64>,
     /// How far behind the seen points' centroid the body's own may lie: the lesser of the spreads across and along, m.
-    pub depth_m: f64,
+    pub(super) depth_m: f64,
 }
 
 impl Sight {
     /// Of finite points.
-    pub fn of(points: &[Point3<f32>], viewpoint: Option<&Point3<f32>>) -> Self {
+    pub(super) fn of(points: &[Point3<f32>], viewpoint: Option<&Point3<f32>>) -> Self {
         let count = points.len().max(1) as f64;
         let centroid =
             Point3::from(points.iter().map(|point| point.coords.cast::<f64>()).sum::<Vector3<f64>>() / count);
@@ -298,12 +301,12 @@ impl Sight {
     }
 
     /// The centroid, moved back along the sight by a share of the depth.
-    pub fn corrected(&self, shift: f64) -> Point3<f64> {
+    pub(super) fn corrected(&self, shift: f64) -> Point3<f64> {
         self.centroid + self.direction * (shift * self.depth_m)
     }
 }
 
 /// The angle between two sights of one body after a pose, rad.
-pub fn angle_between_sights(sparse: &Sight, dense: &Sight, rotation: &UnitQuaternion<f64>) -> f64 {
+pub(super) fn angle_between_sights(sparse: &Sight, dense: &Sight, rotation: &UnitQuaternion<f64>) -> f64 {
     libm::acos((rotation * sparse.direction).dot(&dense.direction).clamp(-1.0, 1.0))
 }

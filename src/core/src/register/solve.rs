@@ -5,7 +5,7 @@ use super::modes::{Candidate, OTHER, distinct, probabilities, sort};
 use super::refine::{Probe, RefineOptions, RefinePrior, Refined, refine};
 use super::score::{PROBES, Parts, Scorer, Weights};
 use super::search::{Search, SearchOptions, Sight, angle_between_sights};
-use super::{Cloud, Doubt, Mode, Prior, RegisterError, Registration, SensorKind};
+use super::{Cloud, Doubt, Mode, Prior, RegisterError, Registration, SensorKind, View};
 use crate::surface::noise::PointNoise;
 use crate::surface::{Surface, SurfaceOptions, farthest_points};
 use crate::workers::Workers;
@@ -40,8 +40,11 @@ pub struct Acceptance {
     pub support: f64,
     /// Largest spread of poses as good, degrees.
     pub spread_deg: f64,
-    /// Largest share of points where the other sensor saw through.
-    pub violated: f64,
+    /// Largest share of points where the other sensor saw through: of bare clouds, and of images with their misses,
+    /// which tell more.
+    pub violated: (f64, f64),
+    /// Largest standard deviations, of the three axes together: rotation, degrees, and translation at the centroid, m.
+    pub sigma: (f64, f64),
     /// Least information of the weakest direction, relative to the median's.
     pub information: f64,
     /// Largest residuals, in what noise explains.
@@ -56,7 +59,8 @@ impl Default for Acceptance {
             probability: 0.95,
             support: 0.4,
             spread_deg: 4.0,
-            violated: 0.25,
+            violated: (0.05, 0.15),
+            sigma: (3.0, 0.03),
             information: 1e-3,
             residuals: 2.0,
             sights_deg: 90.0,
@@ -133,7 +137,7 @@ impl Problem<'_> {
         let options = self.options;
         let surface_options = SurfaceOptions { curved: options.curvature, ..SurfaceOptions::default() };
         let surface = Surface::build(self.dense, &surface_options);
-        let weights = if options.free_space { Weights::HIDDEN_EXPLAINED } else { Weights::SUPPORT };
+        let weights = if options.free_space { Weights::SIGHTS_STRICT } else { Weights::SUPPORT };
         let scorer = Scorer::new(&surface, self.dense, self.sparse, weights);
         let (points, centroid) = (spread_first(&self.probes.points), self.probes.centroid);
         let search =
@@ -179,7 +183,7 @@ impl Problem<'_> {
         let Some(best) = modes.first().copied() else { return nothing_found() };
         let chances = probabilities(&modes, self.beta());
         let (spread_rad, _) = search.spread(&best);
-        let refined = self.refined(surface, &best, guess);
+        let refined = self.refined(search, scorer, surface, &best, guess);
         let placed = refined.transform;
         let parts = scorer.parts(&(&placed).into(), search.points(), PROBES);
         let centroid = &self.probes.centroid;
@@ -209,7 +213,17 @@ impl Problem<'_> {
         answer
     }
 
-    fn refined(&self, surface: &Surface, best: &Candidate, guess: Option<&RefinePrior>) -> Refined {
+    /// The best candidate refined; as it was where the refinement led to what lines of sight contradict.
+    fn refined(
+        &self,
+        search: &Search<'_>,
+        scorer: &Scorer<'_>,
+        surface: &Surface,
+        best: &Candidate,
+        guess: Option<&RefinePrior>,
+    ) -> Refined {
+        /// A refinement that costs more than this of the score has left the place.
+        const COST: f64 = 0.03;
         let noise = PointNoise::of(self.sparse.sensor, self.sparse.viewpoint, &self.probes.points);
         let probes: Vec<Probe> = self
             .probes
@@ -217,26 +231,27 @@ impl Problem<'_> {
             .iter()
             .map(|point| Probe { point: point.cast(), sigma_m: f64::from(noise.sigma_m(point)) })
             .collect();
-        let narrowest = match self.sparse.sensor {
+        let to_m = match self.sparse.sensor {
             SensorKind::Lidar => 0.045,
             SensorKind::Kinect => 0.03,
         };
-        let options = RefineOptions {
-            to_m: narrowest,
-            from_m: 0.06,
-            curvature: self.options.curvature,
-            ..RefineOptions::default()
-        };
+        let (curvature, rim_m) = (self.options.curvature, search.rim_m());
+        let options = RefineOptions { from_m: 0.06, to_m, curvature, rim_m, ..RefineOptions::default() };
         let start = best.pose.isometry(&self.probes.centroid);
         let viewpoint = self.sparse.viewpoint.map(|viewpoint| viewpoint.cast());
-        refine(surface, &probes, viewpoint.as_ref(), &start, guess, &options)
+        let refined = refine(surface, &probes, viewpoint.as_ref(), &start, guess, &options);
+        let score = |pose: &Isometry3<f64>| scorer.score(&pose.into(), search.points(), PROBES);
+        if score(&refined.transform) >= score(&start) - COST {
+            return refined;
+        }
+        let here = RefineOptions { iterations: 0, from_m: to_m, ..options };
+        refine(surface, &probes, viewpoint.as_ref(), &start, guess, &here)
     }
 
-    /// Where little of the sparse cloud lies on the surface, what lies there is less independent than it seems
-    /// (method.md §4.5: four times as much at low overlap).
+    /// Where little of the sparse cloud lies on the surface, what lies there is less independent than it seems.
     fn widening(&self, parts: &Parts) -> f64 {
         let lacking = ((0.7 - parts.support) / 0.3).clamp(0.0, 1.0);
-        1.0 + 3.0 * lacking
+        1.0 + lacking
     }
 
     fn doubts(
@@ -262,8 +277,14 @@ impl Problem<'_> {
         if spread_deg > limits.spread_deg {
             doubts.push(Doubt::Vague { spread_deg });
         }
-        if parts.violated() > limits.violated {
+        let organised = !matches!((&self.sparse.view, &self.dense.view), (View::Bare, View::Bare));
+        let allowed = if organised { limits.violated.1 } else { limits.violated.0 };
+        if parts.violated() > allowed {
             doubts.push(Doubt::LinesOfSight { violated: parts.violated() });
+        }
+        let sigma = refined.sigma(self.widening(parts));
+        if sigma.0.to_degrees() > limits.sigma.0 || sigma.1 > limits.sigma.1 {
+            doubts.push(Doubt::Uncertain { rotation_deg: sigma.0.to_degrees(), translation_m: sigma.1 });
         }
         if refined.rmse_m > limits.residuals * refined.expected_m {
             doubts.push(Doubt::Residuals { found_m: refined.rmse_m, expected_m: refined.expected_m });
