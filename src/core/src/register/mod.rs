@@ -9,6 +9,7 @@
 //! ```
 //!
 //! * [`cloud`]: what goes in; [`outcome`]: what comes out, and why it may be refused;
+//! * [`register()`]: any method by its name;
 //! * [`freespace`]: what a sensor saw through; [`score`]: how well a pose explains both clouds;
 //! * [`cga`]: the default method; search, refinement and judgement are its parts;
 //! * [`paper`]: our reconstruction of the published method; [`baseline`]: the methods it is compared with.
@@ -17,6 +18,7 @@ pub mod baseline;
 mod check;
 pub mod cloud;
 mod descend;
+mod dispatch;
 pub mod freespace;
 mod modes;
 pub mod outcome;
@@ -29,6 +31,7 @@ mod solve;
 mod starts;
 
 pub use cloud::{Cloud, DepthView, RangeView, SensorKind, View};
+pub use dispatch::{MethodOptions, register};
 pub use freespace::{FreeSpace, Sighting};
 pub use outcome::{Doubt, Mode, RegisterError, Registration};
 pub use score::{Parts, Placement, Scorer, Weights};
