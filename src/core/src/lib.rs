@@ -41,8 +41,8 @@ mod reasons;
 pub mod register;
 mod reorder;
 pub mod sector;
-pub mod turntable;
 pub mod surface;
+pub mod turntable;
 mod vitals;
 pub mod workers;
 
