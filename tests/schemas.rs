@@ -60,9 +60,10 @@ fn keys(schema: &serde_json::Value, found: &mut BTreeSet<String>) {
 }
 
 #[test]
-fn the_documentation_of_scene_and_fault_files_has_every_key() {
+fn the_documentation_of_the_files_people_write_has_every_key() {
     // A scene's own faults are told of where fault files are.
-    let documents: [&[&str]; 2] = [&["docs/scenes.md", "docs/faults.md"], &["docs/faults.md"]];
+    let documents: [&[&str]; 3] =
+        [&["docs/scenes.md", "docs/faults.md"], &["docs/faults.md"], &["docs/experiments.md"]];
     for (published, documents) in files().iter().zip(documents) {
         let read = |document: &&str| fs::read_to_string(repository().join(document)).expect("a document");
         let text: String = documents.iter().map(read).collect();

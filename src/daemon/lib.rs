@@ -1,8 +1,10 @@
 //! The `tumbled` program, as a library so that its tests and documentation reach every part.
 //!
 //! * [`cli`]: the commands, one file each, and what they share: arguments, outcomes, exit codes, output;
+//! * [`clouds`]: files of points;
 //! * [`config`]: one TOML file to a checked rig;
 //! * [`decoding`]: inputs and a config to decoded sensor data;
+//! * [`experiment`]: the published experiments and the acceptance campaign;
 //! * [`foxglove`]: the bridge to Foxglove and Lichtblick;
 //! * [`quantity`]: durations and sizes as people write them;
 //! * [`stream`]: the state stream to whoever connects;
@@ -10,8 +12,10 @@
 #![forbid(unsafe_code)]
 
 pub mod cli;
+pub mod clouds;
 pub mod config;
 pub mod decoding;
+pub mod experiment;
 pub mod foxglove;
 pub mod quantity;
 pub mod schema;

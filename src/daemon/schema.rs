@@ -11,6 +11,7 @@ use tumbled_sim::scene::SceneConfig;
 use crate::cli::config::check::CheckReport;
 use crate::config::raw::RawConfig;
 use crate::config::show::ShowReport;
+use crate::experiment::campaign::CampaignFile;
 use crate::stream::{self, Sent};
 
 /// A published schema.
@@ -39,6 +40,7 @@ pub fn files() -> Vec<Published> {
     vec![
         Published { file: "docs/schema/scene.schema.json", schema: schema_for!(SceneConfig) },
         Published { file: "docs/schema/faults.schema.json", schema: schema_for!(FaultScript) },
+        Published { file: "docs/schema/campaign-file.schema.json", schema: schema_for!(CampaignFile) },
     ]
 }
 
@@ -55,6 +57,18 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/export.schema.json", schema: schema_for!(crate::cli::export::Report) },
         Published { file: "docs/schema/import.schema.json", schema: schema_for!(crate::cli::import::ImportReport) },
         Published { file: "docs/schema/record.schema.json", schema: schema_for!(crate::cli::record::RecordReport) },
+        Published {
+            file: "docs/schema/register.schema.json",
+            schema: schema_for!(crate::cli::register::report::RegisterReport),
+        },
+        Published {
+            file: "docs/schema/experiment-registration.schema.json",
+            schema: schema_for!(crate::experiment::registration::ExperimentReport),
+        },
+        Published {
+            file: "docs/schema/campaign.schema.json",
+            schema: schema_for!(crate::experiment::campaign::CampaignReport),
+        },
         Published { file: "docs/schema/recover.schema.json", schema: schema_for!(crate::cli::recover::RecoverReport) },
         Published {
             file: "docs/schema/simulate.schema.json",

@@ -7,10 +7,12 @@
 
 use clap::{ArgAction, Args, Parser, Subcommand};
 
+pub mod campaign;
 pub mod config;
 pub mod devices;
 pub mod diff;
 pub mod doctor;
+pub mod experiment;
 pub mod export;
 pub mod failure;
 pub mod import;
@@ -21,6 +23,7 @@ pub mod log;
 pub mod output;
 pub mod record;
 pub mod recover;
+pub mod register;
 pub mod render;
 pub mod replay;
 pub mod run;
@@ -88,6 +91,13 @@ enum Command {
     Verify(verify::Args),
     /// Write a simulated session as files, with the truth beside them.
     Simulate(simulate::Args),
+    /// Find the pose between two clouds of one target, how sure it is, and whether it may be used.
+    Register(register::Args),
+    /// Repeat the published experiments, on simulated sensors or a recording.
+    #[command(subcommand)]
+    Experiment(experiment::Command),
+    /// Measure the acceptance figures: experiments over seeds, held against what they must reach.
+    Campaign(campaign::Args),
     /// Make a finished recording of one that was interrupted or damaged.
     Recover(recover::Args),
     /// Find where two recordings differ.
@@ -117,6 +127,9 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Replay(args) => replay::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Register(args) => register::run(&args),
+        Command::Experiment(command) => experiment::run(command),
+        Command::Campaign(args) => campaign::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Status(args) => status::run(&args),

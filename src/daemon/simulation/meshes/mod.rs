@@ -5,7 +5,7 @@
 //! sensor sees both. Texture, colour, normals and materials in the file are not used.
 
 mod obj;
-mod ply;
+pub(crate) mod ply;
 mod stl;
 
 use std::collections::BTreeMap;

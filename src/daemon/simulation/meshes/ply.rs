@@ -51,8 +51,9 @@ fn wrong(error: ParseError) -> Wrong {
     Wrong { line: error.line(), problem }
 }
 
-/// Coordinates.
-struct Vertex([f64; 3]);
+/// Coordinates; other properties are passed over.
+#[derive(Clone, Copy)]
+pub(crate) struct Vertex(pub(crate) [f64; 3]);
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
@@ -105,7 +106,7 @@ impl PropertyAccess for Face {
 }
 
 /// What is not used: edges, materials.
-struct Other;
+pub(crate) struct Other;
 
 impl PropertyAccess for Other {
     fn new() -> Self {
