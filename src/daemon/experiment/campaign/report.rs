@@ -81,8 +81,9 @@ impl CampaignReport {
         };
         let lines: Vec<Vec<String>> = self.claims.iter().map(line).collect();
         let rows: Vec<Vec<String>> = self.rows.iter().map(|row| self.cells(row)).collect();
+        let rehearsal = if self.whole { "" } else { "a rehearsal with other numbers of pairs than the campaign has\n" };
         format!(
-            "{} on {}\n\n{}\n{}",
+            "{} on {}\n{rehearsal}\n{}\n{}",
             self.program,
             self.machine.line(),
             text::table(&["claim", "found", "must", "reached"], &lines),
