@@ -3,6 +3,7 @@
 
 use crate::cga::AnchoredSphere;
 use crate::surface::Surface;
+use crate::surface::noise::BEAM_BIAS_M;
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, Vector3, Vector6};
 use tumbled_model::se3::{adjoint, exp_rotation, log_rotation, skew};
 
@@ -45,8 +46,10 @@ const EARLIEST: u32 = 8;
 pub(super) struct Probe {
     /// In its sensor's frame, m.
     pub(super) point: Point3<f64>,
-    /// Standard deviation along its line of sight, m.
+    /// Standard deviation along its line of sight, m; a beam's bias apart, where the beam is known.
     pub(super) sigma_m: f64,
+    /// Its beam, and its line of sight there: a unit vector in the sensor's frame.
+    pub(super) beam: Option<(usize, Vector3<f64>)>,
 }
 
 /// What is known beforehand, in the surface's frame.
@@ -95,9 +98,12 @@ pub(super) fn refine(
     let mut transform = *start;
     let (mut iterations, mut converged) = (0, false);
     let mut system;
+    let beams = probes.iter().filter_map(|probe| probe.beam).map(|(beam, _)| beam + 1).max().unwrap_or(0);
+    let mut biases = vec![Bias::default(); beams];
     loop {
         let kernel = (options.from_m * libm::pow(NARROWING, f64::from(iterations))).max(options.to_m);
-        system = System::gather(surface, probes, viewpoint, &transform, &centroid, kernel, options);
+        system = System::gather(surface, probes, viewpoint, &transform, &centroid, kernel, options, &mut biases);
+        system.without(&biases);
         if iterations == options.iterations || converged {
             break;
         }
@@ -141,6 +147,14 @@ fn prior_terms(prior: &RefinePrior, at: &Isometry3<f64>, centroid: &Point3<f64>)
     (Matrix6::from_diagonal(&weights), weights.component_mul(&error))
 }
 
+/// What a scan's residuals say of one beam's bias: its row of the normal equations.
+#[derive(Clone, Copy, Default)]
+struct Bias {
+    own: f64,
+    mixed: Vector6<f64>,
+    gradient: f64,
+}
+
 /// The normal equations at one pose.
 #[derive(Default)]
 struct System {
@@ -162,8 +176,10 @@ impl System {
         centroid: &Point3<f64>,
         kernel: f64,
         options: &RefineOptions,
+        biases: &mut [Bias],
     ) -> Self {
         let mut system = Self::default();
+        biases.fill(Bias::default());
         let center = transform * centroid;
         let from = viewpoint.map(|viewpoint| transform * viewpoint);
         let reach = REJECT * kernel;
@@ -194,7 +210,15 @@ impl System {
             let falloff = 1.0 + (residual / kernel) * (residual / kernel);
             let weight = 1.0 / (falloff * falloff * variance);
             let arm = x - center;
-            system.add_row(&arm, &normal, residual, weight);
+            let row = system.add_row(&arm, &normal, residual, weight);
+            if let Some((beam, sight)) = probe.beam
+                && let Some(bias) = biases.get_mut(beam)
+            {
+                let along = normal.dot(&(transform.rotation * sight));
+                bias.own += along * along * weight;
+                bias.mixed += row * (along * weight);
+                bias.gradient += along * residual * weight;
+            }
             system.add_tangential(&arm, &normal, &(x - patch.anchor), TANGENTIAL * weight);
             system.inliers += 1;
             system.square += residual * residual;
@@ -203,11 +227,22 @@ impl System {
         system
     }
 
-    fn add_row(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, residual: f64, weight: f64) {
+    fn add_row(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, residual: f64, weight: f64) -> Vector6<f64> {
         let turn = arm.cross(normal);
         let row = Vector6::new(turn.x, turn.y, turn.z, normal.x, normal.y, normal.z);
         self.information += row * row.transpose() * weight;
         self.gradient += row * (weight * residual);
+        row
+    }
+
+    /// Every beam's bias may be what it is, about zero: what is left speaks of the pose alone (the Schur complement).
+    fn without(&mut self, biases: &[Bias]) {
+        let prior = LEAST_FACTOR / (BEAM_BIAS_M * BEAM_BIAS_M);
+        for bias in biases {
+            let per = 1.0 / (bias.own + prior);
+            self.information -= bias.mixed * bias.mixed.transpose() * per;
+            self.gradient -= bias.mixed * (bias.gradient * per);
+        }
     }
 
     /// The offset along the surface, all but ignored.

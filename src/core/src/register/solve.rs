@@ -1,15 +1,16 @@
 //! The default method: search, judge, refine, and say how sure it is.
 
 use super::check::{CheckedPoints, check_cloud, check_prior};
+use super::freespace::rings::{Direction, Rings};
 use super::modes::{Candidate, OTHER, distinct, probabilities, sort};
 use super::refine::{Probe, RefineOptions, RefinePrior, Refined, refine};
 use super::score::{PROBES, Parts, Scorer, Weights};
 use super::search::{Search, SearchOptions, Sight, angle_between_sights};
 use super::{Cloud, Doubt, Mode, Prior, RegisterError, Registration, SensorKind, View};
-use crate::surface::noise::PointNoise;
+use crate::surface::noise::{BEAM_SCATTER_M, PointNoise};
 use crate::surface::{Surface, SurfaceOptions, farthest_points};
 use crate::workers::Workers;
-use nalgebra::{Isometry3, Matrix6, Point3};
+use nalgebra::{Isometry3, Matrix6, Point3, Vector3};
 use tumbled_model::se3::{adjoint, angle_between};
 
 /// Settings of the default method.
@@ -225,12 +226,12 @@ impl Problem<'_> {
         /// A refinement that costs more than this of the score has left the place.
         const COST: f64 = 0.03;
         let noise = PointNoise::of(self.sparse.sensor, self.sparse.viewpoint, &self.probes.points);
-        let probes: Vec<Probe> = self
-            .probes
-            .points
-            .iter()
-            .map(|point| Probe { point: point.cast(), sigma_m: f64::from(noise.sigma_m(point)) })
-            .collect();
+        let beams = beams(self.sparse, &self.probes.points);
+        let probe = |(index, point): (usize, &Point3<f32>)| match beams.get(index).copied().flatten() {
+            Some(beam) => Probe { point: point.cast(), sigma_m: BEAM_SCATTER_M, beam: Some(beam) },
+            None => Probe { point: point.cast(), sigma_m: f64::from(noise.sigma_m(point)), beam: None },
+        };
+        let probes: Vec<Probe> = self.probes.points.iter().enumerate().map(probe).collect();
         let to_m = match self.sparse.sensor {
             SensorKind::Lidar => 0.045,
             SensorKind::Kinect => 0.03,
@@ -294,6 +295,19 @@ impl Problem<'_> {
         }
         doubts
     }
+}
+
+/// The beam of every point of a LiDAR's cloud, and its line of sight; empty where the points do not lie on rings.
+fn beams(cloud: &Cloud, points: &[Point3<f32>]) -> Vec<Option<(usize, Vector3<f64>)>> {
+    let (SensorKind::Lidar, Some(from)) = (cloud.sensor, cloud.viewpoint) else { return Vec::new() };
+    let rays: Vec<Vector3<f32>> = points.iter().map(|point| point - from).collect();
+    let directions: Vec<Direction> = rays.iter().map(|ray| Direction::of(ray, 0.0)).collect();
+    let mean = directions.iter().map(|d| d.elevation).sum::<f64>() / directions.len().max(1) as f64;
+    let Some(rings) = Rings::find(&directions, mean) else { return Vec::new() };
+    let beam = |(ray, direction): (&Vector3<f32>, &Direction)| {
+        Some((rings.of(direction.elevation)?, ray.cast::<f64>().try_normalize(1e-6)?))
+    };
+    rays.iter().zip(&directions).map(beam).collect()
 }
 
 /// The points that are spread the widest first, as many as a search uses.

@@ -8,6 +8,10 @@ use nalgebra::{Point3, Vector3};
 pub const KINECT_PER_M: f32 = 1.425e-3;
 /// LiDAR: σ of a range, m: 15 mm of scatter and 10 mm of bias from beam to beam.
 pub const LIDAR_M: f32 = 0.018;
+/// The bias of a beam, m, and a range's scatter beside it (method.md §5): what [`LIDAR_M`] is made of.
+pub const BEAM_BIAS_M: f64 = 0.010;
+/// See [`BEAM_BIAS_M`].
+pub const BEAM_SCATTER_M: f64 = 0.015;
 /// Depth assumed of a Kinect's points whose viewpoint nobody knows, m: the middle of its useful range.
 const UNKNOWN_DEPTH_M: f32 = 2.5;
 /// As many points as averaging pays for: neighbours' errors are correlated (method.md §5).

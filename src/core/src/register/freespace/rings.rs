@@ -75,6 +75,19 @@ impl Rings {
         Some(Self { elevations_rad: clusters().map(mean).collect(), step_rad: step.unwrap_or(COARSEST_STEP) })
     }
 
+    /// The ring of an elevation, rad: the nearest.
+    pub fn of(&self, elevation_rad: f64) -> Option<usize> {
+        let above = self.elevations_rad.partition_point(|ring| *ring < elevation_rad);
+        let off = |index: usize| self.elevations_rad.get(index).map(|ring| (ring - elevation_rad).abs());
+        let nearest = match (above.checked_sub(1).and_then(off), off(above)) {
+            (Some(below), Some(over)) if below <= over => above - 1,
+            (_, Some(_)) => above,
+            (Some(_), None) => above - 1,
+            (None, None) => return None,
+        };
+        off(nearest).filter(|off| *off <= WIDE).map(|_| nearest)
+    }
+
     /// Returns due in a disc of a radius (rad) about an elevation (rad), if a surface filled it.
     pub fn expected(&self, elevation_rad: f64, radius_rad: f64) -> f64 {
         let rate = RATE / self.step_rad;
