@@ -15,7 +15,7 @@
 //! * [`table`]: 2 048 codes to depth, from a law or ([`table_csv`]) from a device's own calibration;
 //! * [`loss`]: which pixels a lost USB packet takes with it; [`depth`]: bytes to images; [`counts`]: what went wrong how often;
 //! * [`intrinsics`]: pinhole with Brown–Conrady distortion; [`rays`]: the same as a table per pixel;
-//! * [`noise`]: how far a depth may be off; [`points`]: depth images to points;
+//! * [`noise`]: how far a depth may be off; [`flying`]: pixels between two surfaces; [`points`]: depth images to points;
 //! * [`frozen`]: a device that sends one frame for ever; [`encode`]: frames for tests and the simulator.
 //!
 //! The usual way from bytes to points:
@@ -41,6 +41,7 @@
 pub mod counts;
 pub mod depth;
 pub mod encode;
+pub mod flying;
 pub mod frame;
 pub mod frozen;
 pub mod image;
@@ -58,6 +59,7 @@ pub mod table_csv;
 pub use counts::DecodeCounts;
 pub use depth::{DecodeError, FrameLoss, decode_metres, decode_mm, decode_raw};
 pub use encode::{EncodeError, encode_mm, encode_raw};
+pub use flying::without_flying;
 pub use frame::{HEIGHT, PIXELS, RawDisparity, WIDTH, frame_bytes};
 pub use frozen::{Freshness, FrozenDetector, RepeatCause};
 pub use image::{DepthImage, Image, MmImage, RawImage};

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use tumbled_core::register::{Cloud, DepthView, RangeView, SensorKind, View};
 use tumbled_kinect::{
     BackProjector, DepthImage, DepthTable, HEIGHT, Intrinsics, NoiseModel, Points, WIDTH, ZeroPlane, decode_metres,
+    without_flying,
 };
 use tumbled_model::{DepthEncoding, PacketMask, RigNs, Span, UnixNs};
 use tumbled_sim::clock::SimClock;
@@ -200,8 +201,9 @@ impl Stand {
         if !(least..=greatest).contains(&overlap) {
             return Ok(None);
         }
-        let mut seen = Points::new();
-        self.projector.points(&depth, &mut seen);
+        let (mut seen, mut clean) = (Points::new(), DepthImage::new());
+        without_flying(&depth, &mut clean);
+        self.projector.points(&clean, &mut seen);
         if (seen.len() as f64) < KINECT_SURPLUS * spec.points.kinect as f64 {
             return Ok(None);
         }

@@ -2,6 +2,7 @@
 //! both sensors; and what that says about the pose's uncertainty. Method.md §4.2–4.5.
 
 use crate::cga::AnchoredSphere;
+use crate::neighbours::KdTree;
 use crate::surface::Surface;
 use crate::surface::noise::BEAM_BIAS_M;
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, Vector3, Vector6};
@@ -97,12 +98,14 @@ pub(super) fn refine(
     let centroid = Point3::from(probes.iter().map(|probe| probe.point.coords).sum::<Vector3<f64>>() / count);
     let mut transform = *start;
     let (mut iterations, mut converged) = (0, false);
+    let tree = KdTree::build(surface.points());
     let mut system;
     let beams = probes.iter().filter_map(|probe| probe.beam).map(|(beam, _)| beam + 1).max().unwrap_or(0);
     let mut biases = vec![Bias::default(); beams];
     loop {
         let kernel = (options.from_m * libm::pow(NARROWING, f64::from(iterations))).max(options.to_m);
-        system = System::gather(surface, probes, viewpoint, &transform, &centroid, kernel, options, &mut biases);
+        system =
+            System::gather((surface, &tree), probes, viewpoint, &transform, &centroid, kernel, options, &mut biases);
         system.without(&biases);
         if iterations == options.iterations || converged {
             break;
@@ -169,7 +172,7 @@ struct System {
 
 impl System {
     fn gather(
-        surface: &Surface,
+        (surface, tree): (&Surface, &KdTree),
         probes: &[Probe],
         viewpoint: Option<&Point3<f64>>,
         transform: &Isometry3<f64>,
@@ -185,8 +188,12 @@ impl System {
         let reach = REJECT * kernel;
         for probe in probes {
             let x = transform * probe.point;
-            let Some(index) = surface.look_index(&x.coords.cast::<f32>().into()) else { continue };
-            let Some(patch) = surface.details().get(index) else { continue };
+            let Some((index, _)) = tree.nearest(&x.cast(), reach as f32 * reach as f32) else { continue };
+            let Some(patch) = surface.details().get(index as usize) else { continue };
+            // Beyond the rim of what was seen the body goes on, out of sight: what lies near there may be of its other side.
+            if surface.is_rim(index as usize) {
+                continue;
+            }
             let offset = x - patch.anchor;
             let height = offset.dot(&patch.normal);
             let along = offset.norm_squared() - height * height;
@@ -319,3 +326,6 @@ impl Refined {
         (eigen.eigenvectors.column(least).into_owned(), share)
     }
 }
+
+#[cfg(test)]
+mod tests;

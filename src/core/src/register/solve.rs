@@ -57,10 +57,10 @@ pub struct Acceptance {
 impl Default for Acceptance {
     fn default() -> Self {
         Self {
-            probability: 0.95,
+            probability: 0.98,
             support: 0.4,
             spread_deg: 4.0,
-            violated: (0.05, 0.15),
+            violated: (0.05, 0.09),
             sigma: (3.0, 0.03),
             information: 1e-3,
             residuals: 2.0,

@@ -34,6 +34,9 @@ const LEAST_SPACING_M: f32 = 1e-3;
 /// (method.md §3.4b).
 const SPACING: f32 = 1.2;
 
+/// A rim's point is farther from its neighbours' mean than this, in spacings.
+const RIM: f64 = 0.9;
+
 /// How a surface is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceOptions {
@@ -120,6 +123,16 @@ impl Surface {
     /// 1.2 × the median distance of nearest neighbours, m; at least 1 mm.
     pub fn spacing_m(&self) -> f32 {
         self.spacing_m
+    }
+
+    /// Whether a point lies on the rim of what was seen: its neighbours lie to one side of it. Of neighbours all about it the
+    /// mean is within half a spacing; of those that fill half a disc it is 4/(3π) of the disc's radius away, 1.5 spacings of
+    /// twenty.
+    pub fn is_rim(&self, index: usize) -> bool {
+        let (Some(point), Some(detail)) = (self.points.get(index), self.details.get(index)) else { return false };
+        let away = detail.mean - point.cast::<f64>();
+        let along = away - detail.normal * away.dot(&detail.normal);
+        along.norm() > RIM * f64::from(self.spacing_m)
     }
 
     /// Where the sensor stood.
