@@ -96,6 +96,13 @@ fn stored_pairs_are_registered_by_the_command_as_by_the_experiment() {
     // What the pair's truth is called is what a guess is called.
     let guess = bench.run(&["register", &moving, &reference, "--init", &pair("truth.json"), "--json"]);
     assert_eq!(guess.code, 0, "{}", guess.stderr);
+    // The prior that is stored is the one that the experiment began with; its quaternion is made of length 1 anew.
+    let done =
+        bench.run(&["register", &moving, &reference, "--method", "gicp", "--init", &pair("prior.json"), "--json"]);
+    let (found, second) = (done.json::<Value>(), lines(&bench.read("out/trials.jsonl"))[1].clone());
+    let score = |of: &Value| of["score"].as_f64().expect("a score");
+    assert!((score(&found) - score(&second)).abs() < 1e-9, "{} {}", score(&found), score(&second));
+    assert!((score(&found) - score(&first)).abs() > 1e-9, "the prior made no difference");
 }
 
 #[test]

@@ -64,7 +64,8 @@ pub struct Args {
     /// The folder for report.json, report.html and trials.jsonl; it is made if it is not there.
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Write the pairs too: DIR/pairs/SET-K-L/NNNN-kinect.ply, -lidar.ply and -truth.json, for other programs.
+    /// Write the pairs too: DIR/pairs/SET-K-L/NNNN-kinect.ply, -lidar.ply, -truth.json and -prior.json (10 degrees and
+    /// 10 cm off the truth), for other programs.
     #[arg(long, requires = "output")]
     store: bool,
     /// Registrations at a time; 0 = one for each processor. With more than one, times are those of a shared machine.
@@ -190,7 +191,8 @@ fn simulated(args: &Args) -> Result<Measured, Failure> {
         if let (true, Some(folder)) = (args.store, &args.output) {
             // Made once more: a set's pairs are never all held.
             for number in 0..set.pairs {
-                store(folder, &set.name, set.spec.points, &runner.make(set, number..number + 1)?)?;
+                let pair = runner.make(set, number..number + 1)?;
+                store(folder, &set.name, set.spec.points, &pair, set.seed)?;
             }
         }
     }
@@ -198,10 +200,10 @@ fn simulated(args: &Args) -> Result<Measured, Failure> {
     Ok(measured)
 }
 
-fn store(folder: &Path, set: &str, points: PointCounts, pairs: &[Pair]) -> Result<(), Failure> {
+fn store(folder: &Path, set: &str, points: PointCounts, pairs: &[Pair], seed: u64) -> Result<(), Failure> {
     let folder = folder.join("pairs").join(format!("{set}-{}-{}", points.kinect, points.lidar));
-    let written =
-        fs::create_dir_all(&folder).and_then(|()| pairs.iter().try_for_each(|pair| stored::write(pair, &folder)));
+    let write = |pair: &Pair| stored::write(pair, Start::PRIOR.prior(pair, seed).as_ref(), &folder);
+    let written = fs::create_dir_all(&folder).and_then(|()| pairs.iter().try_for_each(write));
     written.map_err(|error| Failure::failed(format!("cannot write {}: {error}", folder.display())))
 }
 
@@ -220,7 +222,7 @@ fn of_inputs(args: &Args) -> Result<Measured, Failure> {
         warnings: found.warnings,
     };
     if let (true, Some(folder)) = (args.store, &args.output) {
-        store(folder, "recorded", points, &found.pairs)?;
+        store(folder, "recorded", points, &found.pairs, args.seed)?;
     }
     if !args.sweep.is_empty() {
         let mut runner = Runner::new(args.threads, sweep::trials(&args.sweep, found.pairs.len() as u64))?;

@@ -1,4 +1,4 @@
-//! Pairs as files, for other programs to register: two clouds and the truth.
+//! Pairs as files, for other programs to register: two clouds, the truth, and where to begin.
 
 use std::fs;
 use std::io;
@@ -6,6 +6,7 @@ use std::path::Path;
 
 use nalgebra::Point3;
 use serde::Serialize;
+use tumbled_core::register::Prior;
 
 use super::pairs::Pair;
 use crate::cli::register::report::PoseReport;
@@ -19,11 +20,18 @@ struct Known {
     sights_deg: Option<f64>,
 }
 
-/// Writes `NNNN-kinect.ply` (moving), `NNNN-lidar.ply` (reference) and `NNNN-truth.json` into a folder.
+/// A guess, in the same form.
+#[derive(Debug, Serialize)]
+struct Guess {
+    t_reference_moving: PoseReport,
+}
+
+/// Writes `NNNN-kinect.ply` (moving), `NNNN-lidar.ply` (reference), `NNNN-truth.json` and, if there is a prior,
+/// `NNNN-prior.json` into a folder.
 ///
 /// # Errors
 /// Files that cannot be written.
-pub fn write(pair: &Pair, folder: &Path) -> io::Result<()> {
+pub fn write(pair: &Pair, prior: Option<&Prior>, folder: &Path) -> io::Result<()> {
     let name = |what: &str| folder.join(format!("{:04}-{what}", pair.index));
     fs::write(name("kinect.ply"), ply(&pair.moving.points))?;
     fs::write(name("lidar.ply"), ply(&pair.reference.points))?;
@@ -32,8 +40,15 @@ pub fn write(pair: &Pair, folder: &Path) -> io::Result<()> {
         overlap: pair.overlap,
         sights_deg: pair.sights_deg,
     };
-    let text = serde_json::to_string_pretty(&known).map_err(io::Error::from)?;
-    fs::write(name("truth.json"), text + "\n")
+    fs::write(name("truth.json"), json(&known)?)?;
+    if let Some(prior) = prior {
+        fs::write(name("prior.json"), json(&Guess { t_reference_moving: (&prior.t_reference_moving).into() })?)?;
+    }
+    Ok(())
+}
+
+fn json(of: &impl Serialize) -> io::Result<String> {
+    Ok(serde_json::to_string_pretty(of)? + "\n")
 }
 
 /// A cloud as a binary PLY.
