@@ -1,6 +1,12 @@
-//! A curvature-based descriptor (Kleppe and Egeland, Advances in Applied Clifford Algebras 28, 2018), reconstructed.
+//! A curvature-based descriptor of Kleppe and others, reconstructed.
 //!
-//! Known to us is the outline: keypoints are chosen by shape factors, so that they lie where a body has features; a
+//! It is cited as of 2018 and, to our knowledge, was published twice: A. L. Kleppe and O. Egeland, "A curvature-based
+//! descriptor for point cloud alignment using conformal geometric algebra", Advances in Applied Clifford Algebras 28, and
+//! A. L. Kleppe, L. Tingelstad and O. Egeland, "Coarse alignment for model fitting of point clouds using a curvature-based
+//! descriptor", IEEE Transactions on Automation Science and Engineering 16. Neither text was at hand: titles and places are
+//! second-hand, and so is which of the two is meant.
+//!
+//! **Certain** is the outline alone: keypoints are chosen by shape factors, so that they lie where a body has features; a
 //! keypoint's descriptor comes from two spheres that are fitted to its surroundings in conformal geometric algebra and
 //! describe the local curvature; keypoints with like descriptors are paired, and the pairs give a coarse alignment. No code
 //! and no constants are public. **Ours** are therefore: which shape factors (the least planar points first), the distance

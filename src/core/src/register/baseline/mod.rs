@@ -3,7 +3,7 @@
 //! * [`icp`]: point to point, the closed form of [`cga::align`](crate::cga::align()) in every iteration;
 //! * [`plane_icp`]: point to plane; [`gicp`]: distribution to distribution, every point a small disc (Segal et al. 2009);
 //!   both by Levenberg–Marquardt with the constants of small_gicp;
-//! * [`cbd()`]: a curvature-based descriptor (Kleppe and Egeland 2018), as far as it is public;
+//! * [`cbd()`]: a curvature-based descriptor (Kleppe et al. 2018), as far as it is public;
 //! * `prepare`: what all need of a cloud; `verdict`: how a pose is judged, the same for all.
 //!
 //! The first three start from a prior, or from the clouds' centroids laid on each other without a turn. None looks for a
