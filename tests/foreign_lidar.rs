@@ -7,7 +7,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
 
 use nalgebra::{Point3, Vector3};
 use tumbled_io::foreign::PcapFile;
@@ -21,18 +20,8 @@ use tumbled_velodyne::stream::{Decoded, Settings, StreamDecoder};
 
 use crate::support::{Workbench, repository};
 
-/// A Python with the package; `None` and a printed line where there is none.
-fn python() -> Option<&'static Path> {
-    static PYTHON: OnceLock<Option<PathBuf>> = OnceLock::new();
-    let found = PYTHON.get_or_init(|| {
-        let python = PathBuf::from(std::env::var_os("TUMBLED_FOREIGN_PYTHON")?);
-        let imported = Command::new(&python).args(["-c", "import velodyne_decoder, numpy, yaml"]).status();
-        imported.is_ok_and(|status| status.success()).then_some(python)
-    });
-    if found.is_none() {
-        println!("skipped: TUMBLED_FOREIGN_PYTHON names no Python with velodyne-decoder");
-    }
-    found.as_deref()
+fn python() -> Option<PathBuf> {
+    crate::support::foreign::python("velodyne_decoder, numpy, yaml", "velodyne-decoder")
 }
 
 /// A decoded point.
@@ -213,7 +202,7 @@ fn simulated_vlps_decode_as_in_velodyne_decoder_with_the_injected_sigma_at_every
         bench.file("scene.toml", &text);
         let done = bench.run(&["simulate", "scene.toml", "-o", "out"]);
         assert_eq!(done.code, 0, "{}", done.stderr);
-        let points = theirs(python, &bench.path("out/velodyne.pcap"));
+        let points = theirs(&python, &bench.path("out/velodyne.pcap"));
         assert_the_same(model, &exported(&bench, "out/velodyne.pcap", "out/rig.toml"), &points);
         let scene = built(&text);
         let lidar = &scene.lidars[0].model;
@@ -233,7 +222,7 @@ fn simulated_dual_returns_decode_as_in_velodyne_decoder() {
         bench.file("scene.toml", scene(model, "dual", 3.0));
         let done = bench.run(&["simulate", "scene.toml", "-o", "out", "--duration", "600ms"]);
         assert_eq!(done.code, 0, "{}", done.stderr);
-        let points = theirs(python, &bench.path("out/velodyne.pcap"));
+        let points = theirs(&python, &bench.path("out/velodyne.pcap"));
         let pairs = points.iter().filter(|point| point.returned == 2).count();
         assert!(pairs > 100, "{model}: {pairs} firings with two returns");
         assert_the_same(
@@ -281,7 +270,7 @@ fn simulated_hdl64es_decode_as_in_velodyne_decoder_by_the_calibration_they_send(
                 intensity: point.intensity,
             }));
         }
-        let points = theirs(python, &capture);
+        let points = theirs(&python, &capture);
         // The second packet tells an S3 from an S2: until then its firings are timed as an S2's.
         let first = decoded.packets.first().map_or(0, |info| info.points.len());
         assert_the_same(&name, &ours[first..], &points[first..]);

@@ -14,6 +14,7 @@ mod export_outputs;
 mod faults;
 mod foreign_kinect;
 mod foreign_lidar;
+mod foreign_registration;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod golden;

@@ -1,6 +1,7 @@
 //! A fresh directory and the `tumbled` command in it.
 
 pub(crate) mod daemon;
+pub(crate) mod foreign;
 pub(crate) mod ledger;
 pub(crate) mod pcap;
 pub(crate) mod real;
