@@ -99,14 +99,13 @@ pub(super) fn refine(
     let mut transform = *start;
     let (mut iterations, mut converged) = (0, false);
     let tree = KdTree::build(surface.points());
+    let residuals = Residuals { surface, tree, probes, viewpoint, centroid, options };
     let mut system;
     let beams = probes.iter().filter_map(|probe| probe.beam).map(|(beam, _)| beam + 1).max().unwrap_or(0);
     let mut biases = vec![Bias::default(); beams];
     loop {
         let kernel = (options.from_m * libm::pow(NARROWING, f64::from(iterations))).max(options.to_m);
-        system =
-            System::gather((surface, &tree), probes, viewpoint, &transform, &centroid, kernel, options, &mut biases);
-        system.without(&biases);
+        system = residuals.system(&transform, kernel, &mut biases);
         if iterations == options.iterations || converged {
             break;
         }
@@ -170,25 +169,28 @@ struct System {
     variance: f64,
 }
 
-impl System {
-    fn gather(
-        (surface, tree): (&Surface, &KdTree),
-        probes: &[Probe],
-        viewpoint: Option<&Point3<f64>>,
-        transform: &Isometry3<f64>,
-        centroid: &Point3<f64>,
-        kernel: f64,
-        options: &RefineOptions,
-        biases: &mut [Bias],
-    ) -> Self {
-        let mut system = Self::default();
+/// Probes, and the surface they are held against.
+struct Residuals<'a> {
+    surface: &'a Surface,
+    tree: KdTree,
+    probes: &'a [Probe],
+    viewpoint: Option<&'a Point3<f64>>,
+    centroid: Point3<f64>,
+    options: &'a RefineOptions,
+}
+
+impl Residuals<'_> {
+    /// The normal equations at a pose.
+    fn system(&self, transform: &Isometry3<f64>, kernel: f64, biases: &mut [Bias]) -> System {
+        let (surface, options) = (self.surface, self.options);
+        let mut system = System::default();
         biases.fill(Bias::default());
-        let center = transform * centroid;
-        let from = viewpoint.map(|viewpoint| transform * viewpoint);
+        let center = transform * self.centroid;
+        let from = self.viewpoint.map(|viewpoint| transform * viewpoint);
         let reach = REJECT * kernel;
-        for probe in probes {
+        for probe in self.probes {
             let x = transform * probe.point;
-            let Some((index, _)) = tree.nearest(&x.cast(), reach as f32 * reach as f32) else { continue };
+            let Some((index, _)) = self.tree.nearest(&x.cast(), reach as f32 * reach as f32) else { continue };
             let Some(patch) = surface.details().get(index as usize) else { continue };
             // Beyond the rim of what was seen the body goes on, out of sight: what lies near there may be of its other side.
             if surface.is_rim(index as usize) {
@@ -231,9 +233,12 @@ impl System {
             system.square += residual * residual;
             system.variance += variance;
         }
+        system.without(biases);
         system
     }
+}
 
+impl System {
     fn add_row(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, residual: f64, weight: f64) -> Vector6<f64> {
         let turn = arm.cross(normal);
         let row = Vector6::new(turn.x, turn.y, turn.z, normal.x, normal.y, normal.z);

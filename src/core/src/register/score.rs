@@ -186,6 +186,12 @@ impl Parts {
         first + second
     }
 
+    /// The shares of points in front of what the other sensor saw there, both sides together: of all that contradicts a
+    /// pose the surest, for nothing that fails to return light looks like it.
+    pub fn in_front(&self) -> f64 {
+        self.front + self.seen_front
+    }
+
     /// The shares of points that float where the other sensor saw through, both sides together. Averted surfaces return
     /// little light and are half believed.
     pub fn violated(&self) -> f64 {

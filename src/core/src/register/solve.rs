@@ -6,7 +6,7 @@ use super::modes::{Candidate, OTHER, distinct, probabilities, sort};
 use super::refine::{Probe, RefineOptions, RefinePrior, Refined, refine};
 use super::score::{PROBES, Parts, Scorer, Weights};
 use super::search::{Search, SearchOptions, Sight, angle_between_sights};
-use super::{Cloud, Doubt, Mode, Prior, RegisterError, Registration, SensorKind, View};
+use super::{Cloud, Doubt, Mode, Prior, RegisterError, Registration, SensorKind};
 use crate::surface::noise::{BEAM_SCATTER_M, PointNoise};
 use crate::surface::{Surface, SurfaceOptions, farthest_points};
 use crate::workers::Workers;
@@ -41,8 +41,8 @@ pub struct Acceptance {
     pub support: f64,
     /// Largest spread of poses as good, degrees.
     pub spread_deg: f64,
-    /// Largest share of points where the other sensor saw through: of bare clouds, and of images with their misses,
-    /// which tell more.
+    /// Largest shares of points that the other sensor would have seen: of those in front of what it saw, and of all with
+    /// those where it saw nothing.
     pub violated: (f64, f64),
     /// Largest standard deviations, of the three axes together: rotation, degrees, and translation at the centroid, m.
     pub sigma: (f64, f64),
@@ -60,11 +60,11 @@ impl Default for Acceptance {
             probability: 0.98,
             support: 0.4,
             spread_deg: 4.0,
-            violated: (0.05, 0.09),
+            violated: (0.04, 0.07),
             sigma: (3.0, 0.03),
             information: 1e-3,
             residuals: 2.0,
-            sights_deg: 90.0,
+            sights_deg: 70.0,
         }
     }
 }
@@ -278,9 +278,8 @@ impl Problem<'_> {
         if spread_deg > limits.spread_deg {
             doubts.push(Doubt::Vague { spread_deg });
         }
-        let organised = !matches!((&self.sparse.view, &self.dense.view), (View::Bare, View::Bare));
-        let allowed = if organised { limits.violated.1 } else { limits.violated.0 };
-        if parts.violated() > allowed {
+        let (in_front, all) = limits.violated;
+        if parts.in_front() > in_front || parts.violated() > all {
             doubts.push(Doubt::LinesOfSight { violated: parts.violated() });
         }
         let sigma = refined.sigma(self.widening(parts));

@@ -1,7 +1,7 @@
 //! Free space of a LiDAR's range image with its misses (method.md §3.4).
 
 use super::angle::arc;
-use super::{Depths, Sighting};
+use super::{Depths, Sighting, graded};
 use crate::register::cloud::RangeView;
 
 /// A place belongs to a ring within this elevation, rad: 0.25°.
@@ -10,6 +10,11 @@ const ON_RING: f32 = 4.363_323e-3;
 const TABLE_STEP: f32 = 8.726_646e-4;
 /// Entries of that table at most: half a turn.
 const MOST_ENTRIES: usize = 3_600;
+/// A place farther than this from every return begins to be one that the LiDAR would have seen, and as much farther it is, m.
+/// Nearer ones are at an edge: rings lie 6 mm apart and more, a beam is some 6 mm wide there, and poses are not exact.
+const EDGE_M: f32 = 0.03;
+/// Returns are looked for within this angle, rad: 6 cm at 1 m.
+const AROUND: f32 = 0.06;
 /// No ring.
 const NONE: u16 = u16::MAX;
 
@@ -20,6 +25,8 @@ struct Firings {
     least: f32,
     /// The middle one's.
     middle: f32,
+    /// From the middle one, which missed, to the nearest return of any ring, rad.
+    away: f32,
 }
 
 /// The least range around every firing.
@@ -60,7 +67,7 @@ impl RangeMask {
             columns,
             first_elevation,
             ring_at: (0..entries).map(ring).collect(),
-            firings: view.range_m.chunks_exact(columns).flat_map(eroded).collect(),
+            firings: firings(view, columns),
         })
     }
 
@@ -97,21 +104,62 @@ impl RangeMask {
         let range = (flat + z * z).sqrt();
         let behind_m = if firings.middle.is_finite() { range - firings.middle } else { f32::INFINITY };
         if firings.least == f32::INFINITY {
-            return Sighting { known: true, sky: 1.0, ..Sighting::UNKNOWN };
+            let sky = graded((firings.away * range - EDGE_M) * (1.0 / EDGE_M));
+            return Sighting { known: true, sky, ..Sighting::UNKNOWN };
         }
         let (front, hidden) = (Depths::LIDAR.share(firings.least - range), Depths::LIDAR.share(range - firings.least));
         Sighting { known: true, front, hidden, sky: 0.0, behind_m }
     }
 }
 
+/// Every firing with its neighbours.
+fn firings(view: &RangeView, columns: usize) -> Vec<Firings> {
+    let mut firings: Vec<Firings> = view.range_m.chunks_exact(columns).flat_map(eroded).collect();
+    let rings = view.range_m.chunks_exact(columns).zip(&view.elevations_rad);
+    // Along each ring first; then from ring to ring.
+    let along: Vec<(f32, Vec<f32>)> = rings
+        .map(|(ring, &elevation)| (elevation, gaps(ring, view.azimuth_step_rad * libm::cosf(elevation))))
+        .collect();
+    for (own, &(elevation, _)) in firings.chunks_exact_mut(columns).zip(&along) {
+        for (other, gaps) in along.iter().filter(|(other, _)| (other - elevation).abs() < AROUND) {
+            let across = (other - elevation) * (other - elevation);
+            for (firings, gap) in own.iter_mut().zip(gaps) {
+                let squared = across + gap * gap;
+                if squared < firings.away {
+                    firings.away = squared;
+                }
+            }
+        }
+        own.iter_mut().for_each(|firings| firings.away = firings.away.sqrt());
+    }
+    firings
+}
+
+/// From each firing of a ring to its nearest return, rad; [`AROUND`] where there is none.
+fn gaps(ring: &[f32], step: f32) -> Vec<f32> {
+    let mut gaps = vec![AROUND; ring.len()];
+    let sweep = |gaps: &mut dyn Iterator<Item = (&mut f32, &f32)>| {
+        let mut gap = AROUND;
+        for (nearest, range) in gaps {
+            gap = if *range > 0.0 && range.is_finite() { 0.0 } else { gap + step };
+            *nearest = nearest.min(gap);
+        }
+    };
+    sweep(&mut gaps.iter_mut().zip(ring));
+    sweep(&mut gaps.iter_mut().zip(ring).rev());
+    gaps
+}
+
 /// A ring with the least of three neighbours; its ends have no two.
 fn eroded(ring: &[f32]) -> Vec<Firings> {
     let known = |range: f32| if range > 0.0 { range } else { f32::NAN };
     let least = |a: f32, b: f32| if a.is_nan() || a < b { a } else { b };
-    let end = |range: f32| Firings { least: f32::NAN, middle: known(range) };
-    let inner = ring
-        .array_windows()
-        .map(|&[a, b, c]| Firings { least: least(least(known(a), known(b)), known(c)), middle: known(b) });
+    let end = |range: f32| Firings { least: f32::NAN, middle: known(range), away: f32::INFINITY };
+    let inner = ring.array_windows().map(|&[a, b, c]| Firings {
+        least: least(least(known(a), known(b)), known(c)),
+        middle: known(b),
+        away: f32::INFINITY,
+    });
     let ends = |at: Option<&f32>| at.map(|&range| end(range));
     ends(ring.first()).into_iter().chain(inner).chain(ends(ring.last())).collect()
 }

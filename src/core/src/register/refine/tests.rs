@@ -56,7 +56,8 @@ fn beams_that_are_known_by_their_bias_bend_a_pose_less_than_beams_that_are_not()
         let refined = refine(&surface, probes, Some(&Point3::origin()), &start, None, &options);
         let centroid = probes.iter().map(|probe| probe.point.coords).sum::<Vector3<f64>>() / probes.len() as f64;
         let moved = refined.transform * Point3::from(centroid) - Point3::from(centroid);
-        (refined.transform.rotation.angle().powi(2), moved.norm_squared())
+        let turn = refined.transform.rotation.angle();
+        (turn * turn, moved.norm_squared())
     };
     let (mut known, mut unknown) = ((0.0, 0.0), (0.0, 0.0));
     for seed in 0..60 {
