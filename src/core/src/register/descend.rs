@@ -1,24 +1,25 @@
 //! Annealed Gauss–Newton from one start: probes onto the surface, by look-ups. Method.md §3.3, step 3.
 //!
 //! The residuals of a probe are its distance to the plane of the patch that it looks up, and, weakly, its offset from the
-//! patch's point: the weak part keeps a slide along a panel from being free. Probes are taken eight at a time.
+//! patch's point: the weak part keeps a slide along a panel from being free. Probes are taken four at a time.
 
 use super::pose::Pose;
-use crate::surface::{Patch, Surface};
-use nalgebra::{Matrix6, Point3, Vector3, Vector6};
-use wide::f32x8;
+use crate::surface::Surface;
+use crate::surface::four::dot;
+use nalgebra::{Matrix3, Point3, Vector3};
+use wide::f32x4;
 
 /// Probes in a block.
-pub(super) const BLOCK: usize = 8;
+pub(super) const BLOCK: usize = 4;
 
-/// A sparse cloud's points, blocks of eight, about their centroid: the first ones are spread the widest.
+/// A sparse cloud's points, blocks of four, about their centroid: the first ones are spread the widest.
 #[derive(Clone, Debug)]
 pub(super) struct Probes {
     /// The centroid of the whole cloud, its own frame.
     pub(super) centroid: Point3<f64>,
     /// Where the sensor stood, about the centroid; `None`: nobody knows.
     pub(super) viewpoint: Option<Vector3<f32>>,
-    blocks: Vec<[f32x8; 3]>,
+    blocks: Vec<[f32x4; 3]>,
 }
 
 impl Probes {
@@ -26,18 +27,16 @@ impl Probes {
     pub(super) fn new(points: &[Point3<f32>], centroid: Point3<f64>, viewpoint: Option<Point3<f32>>) -> Self {
         let about = centroid.cast::<f32>();
         let padded = points.iter().cycle().take(points.len().next_multiple_of(BLOCK));
-        let columns = |axis: usize| padded.clone().map(move |point| point.coords.get(axis).copied().unwrap_or(0.0));
-        let lanes = |axis: usize, about: f32| -> Vec<f32x8> {
-            let column: Vec<f32> = columns(axis).map(|value| value - about).collect();
-            column.as_chunks::<BLOCK>().0.iter().map(|lane| f32x8::from(*lane)).collect()
+        let offsets: Vec<Vector3<f32>> = padded.map(|point| point - about).collect();
+        let columns = |[a, b, c, d]: &[Vector3<f32>; BLOCK]| {
+            [f32x4::new([a.x, b.x, c.x, d.x]), f32x4::new([a.y, b.y, c.y, d.y]), f32x4::new([a.z, b.z, c.z, d.z])]
         };
-        let (x, y, z) = (lanes(0, about.x), lanes(1, about.y), lanes(2, about.z));
-        let blocks = x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect();
+        let blocks = offsets.as_chunks::<BLOCK>().0.iter().map(columns).collect();
         Self { centroid, viewpoint: viewpoint.map(|viewpoint| viewpoint - about), blocks }
     }
 
     /// The blocks of the first `count` probes.
-    pub(super) fn blocks(&self, count: usize) -> &[[f32x8; 3]] {
+    fn blocks(&self, count: usize) -> &[[f32x4; 3]] {
         self.blocks.get(..count.div_ceil(BLOCK)).unwrap_or(&self.blocks)
     }
 }
@@ -58,7 +57,9 @@ pub(super) struct Schedule {
 }
 
 /// The point part's weight beside the plane part's: strong while the kernel is wide, weak later.
-const POINT_PART: [f32; 4] = [0.6, 0.6, 0.6, 0.15];
+const POINT_PART: (f32, f32) = (0.6, 0.15);
+/// Steps of the strong one.
+const STRONG: u32 = 3;
 /// Added to the normal matrix's diagonal: an empty or flat system gives a small step, not none.
 const DAMPING: f64 = 1e-6;
 /// The longest step in rotation, rad.
@@ -68,126 +69,92 @@ const LONGEST_TURN: f64 = 0.4;
 pub(super) fn descend(surface: &Surface, probes: &Probes, start: &Pose, schedule: &Schedule) -> Pose {
     let mut pose = *start;
     let blocks = probes.blocks(schedule.probes);
-    let ratio = schedule.to_m / schedule.from_m;
+    let narrowing = libm::powf(schedule.to_m / schedule.from_m, 1.0 / (schedule.steps.max(2) - 1) as f32);
+    let mut kernel = schedule.from_m;
     for step in 0..schedule.steps {
-        let share = step as f32 / (schedule.steps.max(2) - 1) as f32;
-        let kernel = schedule.from_m * libm::powf(ratio, share);
-        let point_part = POINT_PART.get(step as usize).copied().unwrap_or(0.15);
+        let point_part = if step < STRONG { POINT_PART.0 } else { POINT_PART.1 };
         let viewpoint = probes.viewpoint.map(|from| pose.rotation * from + pose.center);
-        let mut sums = Sums::default();
-        for block in blocks {
-            sums.add(&Met::look(surface, &pose, block, viewpoint.as_ref(), schedule.rim_m), kernel, point_part);
-        }
-        let Some(delta) = sums.solve() else { return pose };
-        pose = pose.moved(&delta.fixed_rows::<3>(0).into(), &delta.fixed_rows::<3>(3).into());
+        let system = Placed::new(&pose, viewpoint.as_ref(), schedule.rim_m, kernel, point_part).gather(surface, blocks);
+        let Some((turn, step)) = system.solve() else { return pose };
+        pose = pose.stepped(&turn, &step);
+        kernel *= narrowing;
     }
     pose
 }
 
-/// Eight probes and the patches they met.
-struct Met {
-    /// From the centroid's place to the probe, m.
-    arm: [f32x8; 3],
-    /// From the patch's point to the probe, m.
-    offset: [f32x8; 3],
-    normal: [f32x8; 3],
-    /// 1: a patch was met; 0: none.
-    met: f32x8,
+/// What every block of a step is asked with, in all four lanes.
+struct Placed {
+    rows: [[f32x4; 3]; 3],
+    center: [f32x4; 3],
+    viewpoint: Option<[f32x4; 3]>,
+    square_rim: f32x4,
+    inverse_square_kernel: f32x4,
+    point_part: f32x4,
 }
 
-impl Met {
-    #[inline]
-    fn look(surface: &Surface, pose: &Pose, block: &[f32x8; 3], viewpoint: Option<&Vector3<f32>>, rim_m: f32) -> Self {
-        let [dx, dy, dz] = *block;
+impl Placed {
+    fn new(pose: &Pose, viewpoint: Option<&Vector3<f32>>, rim_m: f32, kernel_m: f32, point_part: f32) -> Self {
         let r = &pose.rotation;
-        let row = |a: f32, b: f32, c: f32| f32x8::splat(a) * dx + f32x8::splat(b) * dy + f32x8::splat(c) * dz;
-        let arm = [row(r.m11, r.m12, r.m13), row(r.m21, r.m22, r.m23), row(r.m31, r.m32, r.m33)];
-        let [ax, ay, az] = arm;
-        let at = [
-            (ax + f32x8::splat(pose.center.x)).to_array(),
-            (ay + f32x8::splat(pose.center.y)).to_array(),
-            (az + f32x8::splat(pose.center.z)).to_array(),
-        ];
-        let mut offset = [[0.0f32; BLOCK]; 3];
-        let mut normal = [[0.0f32; BLOCK]; 3];
-        let mut met = [0.0f32; BLOCK];
-        let [at_x, at_y, at_z] = &at;
-        let [ox, oy, oz] = &mut offset;
-        let [nx, ny, nz] = &mut normal;
-        let places = at_x.iter().zip(at_y).zip(at_z);
-        let offsets = ox.iter_mut().zip(oy).zip(oz);
-        let normals = nx.iter_mut().zip(ny).zip(nz);
-        for ((((x, y), z), ((ox, oy), oz)), (((nx, ny), nz), met)) in
-            places.zip(offsets).zip(normals.zip(met.iter_mut()))
-        {
-            let Some(Patch { p: [px, py, pz], n: [qx, qy, qz], .. }) = surface.look(&[*x, *y, *z]) else {
-                continue;
-            };
-            if let Some(from) = viewpoint
-                && qx * (from.x - px) + qy * (from.y - py) + qz * (from.z - pz) < 0.0
-            {
-                continue;
-            }
-            (*ox, *oy, *oz) = (x - px, y - py, z - pz);
-            (*nx, *ny, *nz) = (*qx, *qy, *qz);
-            *met = 1.0;
+        let rows = [[r.m11, r.m12, r.m13], [r.m21, r.m22, r.m23], [r.m31, r.m32, r.m33]];
+        let all = |vector: &Vector3<f32>| [vector.x, vector.y, vector.z].map(f32x4::splat);
+        Self {
+            rows: rows.map(|row| row.map(f32x4::splat)),
+            center: all(&pose.center),
+            viewpoint: viewpoint.map(all),
+            square_rim: f32x4::splat(rim_m * rim_m),
+            inverse_square_kernel: f32x4::splat(1.0 / (kernel_m * kernel_m)),
+            point_part: f32x4::splat(point_part),
         }
-        let (offset, normal) = (offset.map(f32x8::from), normal.map(f32x8::from));
-        let height = dot(&offset, &normal);
-        let within = (dot(&offset, &offset) - height * height).simd_le(f32x8::splat(rim_m * rim_m));
-        let met = within.select(f32x8::from(met), f32x8::ZERO);
-        Self { arm, offset, normal, met }
     }
-}
 
-#[inline]
-fn dot(a: &[f32x8; 3], b: &[f32x8; 3]) -> f32x8 {
-    let ([ax, ay, az], [bx, by, bz]) = (*a, *b);
-    ax * bx + ay * by + az * bz
-}
+    /// The normal equations of all blocks.
+    fn gather(&self, surface: &Surface, blocks: &[[f32x4; 3]]) -> System {
+        let mut sums = [f32x4::ZERO; ENTRIES];
+        for block in blocks {
+            self.add(surface, block, &mut sums);
+        }
+        System::of(&sums)
+    }
 
-#[inline]
-fn cross(a: &[f32x8; 3], b: &[f32x8; 3]) -> [f32x8; 3] {
-    let ([ax, ay, az], [bx, by, bz]) = (*a, *b);
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
-}
-
-/// The normal equations, eight partial sums of each entry.
-#[derive(Default)]
-struct Sums {
-    /// Upper triangle, row by row.
-    matrix: [f32x8; 21],
-    vector: [f32x8; 6],
-}
-
-impl Sums {
-    #[inline]
-    fn add(&mut self, met: &Met, kernel: f32, point_part: f32) {
-        let square = dot(&met.offset, &met.offset);
-        let falloff = f32x8::ONE / (f32x8::ONE + square * f32x8::splat(1.0 / (kernel * kernel)));
-        let w = met.met * falloff * falloff;
-        let p = w * f32x8::splat(point_part);
-        let height = dot(&met.offset, &met.normal);
-        let [c0, c1, c2] = cross(&met.arm, &met.normal);
-        let [n0, n1, n2] = met.normal;
-        let [x, y, z] = met.arm;
+    /// Adds four probes: upper triangle of the matrix row by row, then the vector.
+    #[inline(always)]
+    fn add(&self, surface: &Surface, block: &[f32x4; 3], sums: &mut [f32x4; ENTRIES]) {
+        // From the centroid's place to the probes.
+        let arm = self.rows.map(|row| dot(&row, block));
+        let ([x, y, z], [cx, cy, cz]) = (arm, self.center);
+        let at = [x + cx, y + cy, z + cz];
+        let met = surface.look_at_four(&at);
+        let offset = met.offset(&at);
+        let square = dot(&offset, &offset);
+        let height = dot(&offset, &met.n);
+        let mut counts = met.is_met & (square - height * height).simd_le(self.square_rim);
+        if let Some(viewpoint) = &self.viewpoint {
+            counts &= dot(&met.offset(viewpoint), &met.n).simd_ge(f32x4::ZERO);
+        }
+        let falloff = f32x4::ONE / (f32x4::ONE + square * self.inverse_square_kernel);
+        let w = counts & (falloff * falloff);
+        let p = w * self.point_part;
+        let [c0, c1, c2] = cross(&arm, &met.n);
+        let [n0, n1, n2] = met.n;
         let [w0, w1, w2] = [w * c0, w * c1, w * c2];
         let [m0, m1, m2] = [w * n0, w * n1, w * n2];
         let [px, py, pz] = [p * x, p * y, p * z];
+        let [e0, e1, e2] = offset;
+        let wh = w * height;
         // The point part's Jacobian is (−[arm]×, I).
         let terms = [
-            w0 * c0 + py * y + pz * z,
+            w0 * c0 + (py * y + pz * z),
             w0 * c1 - px * y,
             w0 * c2 - px * z,
             w0 * n0,
             w0 * n1 - pz,
             w0 * n2 + py,
-            w1 * c1 + px * x + pz * z,
+            w1 * c1 + (px * x + pz * z),
             w1 * c2 - py * z,
             w1 * n0 + pz,
             w1 * n1,
             w1 * n2 - px,
-            w2 * c2 + px * x + py * y,
+            w2 * c2 + (px * x + py * y),
             w2 * n0 - py,
             w2 * n1 + px,
             w2 * n2,
@@ -197,42 +164,64 @@ impl Sums {
             m1 * n1 + p,
             m1 * n2,
             m2 * n2 + p,
+            wh * c0 + (py * e2 - pz * e1),
+            wh * c1 + (pz * e0 - px * e2),
+            wh * c2 + (px * e1 - py * e0),
+            wh * n0 + p * e0,
+            wh * n1 + p * e1,
+            wh * n2 + p * e2,
         ];
-        for (sum, term) in self.matrix.iter_mut().zip(terms) {
-            *sum += term;
-        }
-        let [e0, e1, e2] = met.offset;
-        let [t0, t1, t2] = cross(&met.arm, &met.offset);
-        let terms = [
-            w0 * height + p * t0,
-            w1 * height + p * t1,
-            w2 * height + p * t2,
-            m0 * height + p * e0,
-            m1 * height + p * e1,
-            m2 * height + p * e2,
-        ];
-        for (sum, term) in self.vector.iter_mut().zip(terms) {
+        for (sum, term) in sums.iter_mut().zip(terms) {
             *sum += term;
         }
     }
+}
 
-    /// The step (turn, move); `None`: the system has no solution.
-    fn solve(&self) -> Option<Vector6<f64>> {
-        let mut matrix = Matrix6::zeros();
-        let mut terms = self.matrix.iter();
-        for row in 0..6 {
-            for column in row..6 {
-                let value = f64::from(terms.next()?.reduce_add());
-                *matrix.get_mut((row, column))? = value;
-                *matrix.get_mut((column, row))? = value;
-            }
+#[inline(always)]
+fn cross(a: &[f32x4; 3], b: &[f32x4; 3]) -> [f32x4; 3] {
+    let ([ax, ay, az], [bx, by, bz]) = (*a, *b);
+    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
+}
+
+/// Entries of the normal equations: 21 of the matrix, 6 of the vector.
+const ENTRIES: usize = 27;
+
+/// The normal equations, in blocks of rotation and translation.
+struct System {
+    turns: Matrix3<f64>,
+    mixed: Matrix3<f64>,
+    moves: Matrix3<f64>,
+    turn: Vector3<f64>,
+    step: Vector3<f64>,
+}
+
+impl System {
+    fn of(sums: &[f32x4; ENTRIES]) -> Self {
+        let total = |sum: f32x4| {
+            let [a, b, c, d] = sum.to_array();
+            f64::from((a + b) + (c + d))
+        };
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, t0, t1, t2, s0, s1, s2] = sums.map(total);
+        Self {
+            turns: Matrix3::new(a, b, c, b, g, h, c, h, l),
+            mixed: Matrix3::new(d, e, f, i, j, k, m, n, o),
+            moves: Matrix3::new(p, q, r, q, s, t, r, t, u),
+            turn: Vector3::new(t0, t1, t2),
+            step: Vector3::new(s0, s1, s2),
         }
-        for place in 0..6 {
-            *matrix.get_mut((place, place))? += DAMPING;
-        }
-        let vector = Vector6::from_iterator(self.vector.iter().map(|sum| -f64::from(sum.reduce_add())));
-        let step = matrix.cholesky()?.solve(&vector);
-        let turn = step.fixed_rows::<3>(0).norm();
-        step.iter().all(|value| value.is_finite()).then(|| step * (LONGEST_TURN / turn.max(LONGEST_TURN)))
+    }
+
+    /// The turn, rad, and the step, m; `None`: the system has no solution.
+    fn solve(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let damping = Matrix3::from_diagonal_element(DAMPING);
+        // The translations eliminated: what is left is the rotation's.
+        let inverse = (self.moves + damping).try_inverse()?;
+        let through = self.mixed * inverse;
+        let left = self.turns + damping - through * self.mixed.transpose();
+        let turn = left.try_inverse()? * (through * self.step - self.turn);
+        let step = -(inverse * (self.step + self.mixed.tr_mul(&turn)));
+        let shortened = LONGEST_TURN / turn.norm().max(LONGEST_TURN);
+        let is_finite = turn.iter().chain(&step).all(|value| value.is_finite());
+        is_finite.then(|| (turn * shortened, step * shortened))
     }
 }

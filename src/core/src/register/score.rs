@@ -2,9 +2,11 @@
 //! points where the other sensor saw through speak against it, and points it could not see are explained as well.
 
 use super::cloud::{Cloud, SensorKind, View};
-use super::freespace::{FreeSpace, Sighting};
+use super::freespace::FreeSpace;
+use crate::surface::four::dot;
 use crate::surface::{Surface, farthest_points, spacing_m};
 use nalgebra::{Isometry3, Point3};
+use wide::f32x4;
 
 /// Standard deviation of a supported point's height over the surface, m.
 const SIGMA_M: f32 = 0.02;
@@ -24,9 +26,8 @@ pub const PROBES: usize = 400;
 /// hidden points beside 30 to 50 % supported ones (method.md §3.4b).
 const HIDDEN_BESIDE: f64 = 1.2;
 
-/// Points that go from step to step together: each step's code then fits the processor, and its sums its registers.
-const BLOCK: usize = 16;
-
+/// Points that are asked together.
+const BLOCK: usize = 4;
 /// Largest error of the Gaussian in a score: absolute, of a value of 0..=1.
 pub const BELL_ERROR: f32 = 1e-5;
 
@@ -52,19 +53,19 @@ impl From<&Isometry3<f64>> for Placement {
 impl Placement {
     /// From the sparse frame to the dense one.
     #[inline(always)]
-    pub fn forth(&self, place: &[f32; 3]) -> [f32; 3] {
-        let [row_x, row_y, row_z] = &self.rotation;
-        let [tx, ty, tz] = self.translation;
-        [dot(row_x, place) + tx, dot(row_y, place) + ty, dot(row_z, place) + tz]
+    fn forth(&self, places: &[f32x4; 3]) -> [f32x4; 3] {
+        let [tx, ty, tz] = self.translation.map(f32x4::splat);
+        let [x, y, z] = self.rotation.map(|row| dot(&row.map(f32x4::splat), places));
+        [x + tx, y + ty, z + tz]
     }
 
     /// From the dense frame to the sparse one.
     #[inline(always)]
-    pub fn back(&self, [x, y, z]: &[f32; 3]) -> [f32; 3] {
-        let [tx, ty, tz] = self.translation;
-        let (x, y, z) = (x - tx, y - ty, z - tz);
-        let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = self.rotation;
-        [xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z]
+    fn back(&self, [x, y, z]: &[f32x4; 3]) -> [f32x4; 3] {
+        let [tx, ty, tz] = self.translation.map(f32x4::splat);
+        let place = [*x - tx, *y - ty, *z - tz];
+        let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = self.rotation.map(|row| row.map(f32x4::splat));
+        [dot(&[xx, yx, zx], &place), dot(&[xy, yy, zy], &place), dot(&[xz, yz, zz], &place)]
     }
 }
 
@@ -199,11 +200,25 @@ impl Parts {
     }
 }
 
-/// A dense point and its normal.
+/// Four points, column by column; the last block's lanes without a point are left out by the mask.
+#[inline(always)]
+fn columns(points: &[Point3<f32>]) -> ([f32x4; 3], f32x4) {
+    let mut four = [Point3::origin(); BLOCK];
+    let mut is_point = [0.0; BLOCK];
+    for ((to, is_point), point) in four.iter_mut().zip(&mut is_point).zip(points) {
+        (*to, *is_point) = (*point, 1.0);
+    }
+    let [a, b, c, d] = four;
+    let columns = [[a.x, b.x, c.x, d.x], [a.y, b.y, c.y, d.y], [a.z, b.z, c.z, d.z]].map(f32x4::new);
+    (columns, f32x4::new(is_point).simd_gt(f32x4::ZERO))
+}
+
+/// Four dense points and their normals.
 #[derive(Clone, Copy, Debug)]
-struct Probe {
-    place: [f32; 3],
-    normal: [f32; 3],
+struct Probes {
+    places: [f32x4; 3],
+    normals: [f32x4; 3],
+    is_probe: f32x4,
 }
 
 /// Scores poses of a sparse cloud on a dense surface.
@@ -213,7 +228,8 @@ pub struct Scorer<'a> {
     dense_sights: Option<FreeSpace>,
     sparse_sights: Option<FreeSpace>,
     sparse_viewpoint: Option<[f32; 3]>,
-    probes: Vec<Probe>,
+    probes: Vec<Probes>,
+    probe_count: usize,
     weights: Weights,
 }
 
@@ -222,32 +238,36 @@ impl<'a> Scorer<'a> {
     /// score is then 0.
     pub fn new(surface: &'a Surface, dense: &Cloud, sparse: &Cloud, weights: Weights) -> Self {
         let sparse_sights = FreeSpace::build(sparse, sparse_spacing(sparse));
-        let probe = |index: u32| {
-            let point = surface.points().get(index as usize)?;
-            let patch = surface.patches().get(index as usize)?;
-            Some(Probe { place: point.coords.into(), normal: patch.n })
-        };
         // Nobody asks them where the sparse sensor's sights are not known.
         let count = if sparse_sights.is_some() { PROBES } else { 0 };
+        let chosen = farthest_points(surface.points(), count);
+        let probes = |indices: &[u32]| {
+            let place = |index: &u32| surface.points().get(*index as usize).copied();
+            let normal = |index: &u32| surface.patches().get(*index as usize).map(|patch| Point3::from(patch.n));
+            let (places, is_probe) = columns(&indices.iter().filter_map(place).collect::<Vec<_>>());
+            let (normals, _) = columns(&indices.iter().filter_map(normal).collect::<Vec<_>>());
+            Probes { places, normals, is_probe }
+        };
         Self {
             surface,
             dense_sights: FreeSpace::build(dense, surface.spacing_m()),
             sparse_sights,
             sparse_viewpoint: sparse.viewpoint.map(|viewpoint| viewpoint.coords.into()),
-            probes: farthest_points(surface.points(), count).into_iter().filter_map(probe).collect(),
+            probes: chosen.chunks(BLOCK).map(probes).collect(),
+            probe_count: chosen.len(),
             weights,
         }
     }
 
     /// The score of a pose for sparse points (in the sparse cloud's frame) and the first `probes` of the dense ones
-    /// (spread evenly; [`PROBES`] at most). 0 for a pose that is not a number.
+    /// (spread evenly, in whole fours; [`PROBES`] at most). 0 for a pose that is not a number.
     pub fn score(&self, pose: &Placement, sparse: &[Point3<f32>], probes: usize) -> f64 {
         self.parts(pose, sparse, probes).score(&self.weights)
     }
 
     /// What the score of a pose consists of.
     pub fn parts(&self, pose: &Placement, sparse: &[Point3<f32>], probes: usize) -> Parts {
-        let sparse_sensor = self.sparse_viewpoint.map(|viewpoint| pose.forth(&viewpoint));
+        let sparse_sensor = self.sparse_viewpoint.map(|viewpoint| pose.forth(&viewpoint.map(f32x4::splat)));
         let mut parts = self.of_sparse(pose, sparse, sparse_sensor);
         self.add_dense(&mut parts, pose, sparse_sensor, probes);
         parts
@@ -269,83 +289,86 @@ impl<'a> Scorer<'a> {
     }
 
     /// The sparse points on the dense surface and in the dense sensor's sights.
-    fn of_sparse(&self, pose: &Placement, sparse: &[Point3<f32>], sensor: Option<[f32; 3]>) -> Parts {
-        let [mut facing, mut support, mut hidden, mut front, mut sky] = [0.0f64; 5];
-        let mut places = [[0.0; 3]; BLOCK];
-        let mut unsupported = [0.0; BLOCK];
-        let mut sightings = [Sighting::UNKNOWN; BLOCK];
+    fn of_sparse(&self, pose: &Placement, sparse: &[Point3<f32>], sensor: Option<[f32x4; 3]>) -> Parts {
+        let mut sums = [f32x4::ZERO; 5];
         for points in sparse.chunks(BLOCK) {
-            for ((point, place), unsupported) in points.iter().zip(&mut places).zip(&mut unsupported) {
-                *place = pose.forth(&point.coords.into());
-                let (supported, is_facing) = self.support(place, sensor);
-                support += f64::from(supported);
-                facing += f64::from(if is_facing { supported } else { 0.0 });
-                *unsupported = 1.0 - supported;
-            }
-            if let Some(sights) = &self.dense_sights {
-                sights.look_at(places.get(..points.len()).unwrap_or_default(), &mut sightings);
-                for ((_, sighting), unsupported) in points.iter().zip(&sightings).zip(&unsupported) {
-                    hidden += f64::from(unsupported * sighting.hidden);
-                    front += f64::from(unsupported * sighting.front);
-                    sky += f64::from(unsupported * sighting.sky);
+            let (places, is_point) = columns(points);
+            let places = pose.forth(&places);
+            let (supported, is_facing) = self.support(&places, sensor.as_ref());
+            let supported = supported & is_point;
+            let unsupported = (f32x4::ONE - supported) & is_point;
+            let (hidden, front, sky) = match &self.dense_sights {
+                Some(sights) => {
+                    let seen = sights.look_at_four(&places);
+                    (unsupported * seen.hidden, unsupported * seen.front, unsupported * seen.sky)
                 }
+                None => Default::default(),
+            };
+            for (sum, part) in sums.iter_mut().zip([supported & is_facing, supported, hidden, front, sky]) {
+                *sum += part;
             }
         }
         let share = 1.0 / sparse.len().max(1) as f64;
-        let [facing, support, hidden, front, sky] = [facing, support, hidden, front, sky].map(|sum| sum * share);
+        let [facing, support, hidden, front, sky] = sums.map(|sum| total(sum) * share);
         Parts { facing, support, hidden, front, sky, ..Parts::default() }
     }
 
-    /// How much a place lies on the surface, and whether that faces the sparse sensor (nobody knows where it is: it does).
+    /// How much four places lie on the surface, and a mask of where that faces the sparse sensor (nobody knows where it
+    /// is: it does).
     #[inline(always)]
-    fn support(&self, place: &[f32; 3], sensor: Option<[f32; 3]>) -> (f32, bool) {
-        let Some(patch) = self.surface.look(place) else { return (0.0, false) };
-        let offset = patch.offset(place);
-        let height = patch.height(&offset);
-        let is_facing = sensor.is_none_or(|sensor| {
-            let sight = patch.offset(&sensor);
-            exceeds(dot(&sight, &patch.n), dot(&sight, &sight), FACING)
+    fn support(&self, places: &[f32x4; 3], sensor: Option<&[f32x4; 3]>) -> (f32x4, f32x4) {
+        let patches = self.surface.look_at_four(places);
+        let offset = patches.offset(places);
+        let square = dot(&offset, &offset);
+        let height = dot(&offset, &patches.n) + f32x4::splat(0.5) * patches.a * square;
+        let is_facing = sensor.map_or(patches.is_met, |sensor| {
+            let sight = patches.offset(sensor);
+            exceeds(dot(&sight, &patches.n), dot(&sight, &sight), FACING)
         });
-        let supported = bell(height * height * (0.5 / (SIGMA_M * SIGMA_M)));
-        // Near or far is chance: a value not wanted is quicker than a wrong guess.
-        (if dot(&offset, &offset) < REACH_M * REACH_M { supported } else { 0.0 }, is_facing)
+        let supported = bell(height * height * f32x4::splat(0.5 / (SIGMA_M * SIGMA_M)));
+        let is_near = patches.is_met & square.simd_lt(f32x4::splat(REACH_M * REACH_M));
+        (supported & is_near, is_facing)
     }
 
     /// The dense points in the sparse sensor's sights.
-    fn add_dense(&self, parts: &mut Parts, pose: &Placement, sensor: Option<[f32; 3]>, probes: usize) {
+    fn add_dense(&self, parts: &mut Parts, pose: &Placement, sensor: Option<[f32x4; 3]>, probes: usize) {
         let (Some(sights), Some([sx, sy, sz])) = (&self.sparse_sights, sensor) else { return };
-        let [mut support, mut hidden, mut front, mut sky, mut averted] = [0.0f64; 5];
-        let mut known = 0u32;
-        let asked = self.probes.get(..probes).unwrap_or(&self.probes);
-        let mut places = [[0.0; 3]; BLOCK];
-        let mut sightings = [Sighting::UNKNOWN; BLOCK];
-        for probes in asked.chunks(BLOCK) {
-            for (probe, place) in probes.iter().zip(&mut places) {
-                *place = pose.back(&probe.place);
-            }
-            sights.look_at(places.get(..probes.len()).unwrap_or_default(), &mut sightings);
-            // Which way a place goes is chance: sums of zeros are quicker than wrong guesses.
-            for (Probe { place: [x, y, z], normal }, sighting) in probes.iter().zip(&sightings) {
-                known += u32::from(sighting.known);
-                front += f64::from(sighting.front);
-                hidden += f64::from(sighting.hidden);
-                let to_sensor = [sx - x, sy - y, sz - z];
-                let (along, square) = (dot(&to_sensor, normal), dot(&to_sensor, &to_sensor));
-                let well = exceeds(along, square, WELL_FACING);
-                sky += f64::from(if well { sighting.sky } else { 0.0 });
-                averted += f64::from(if well { 0.0 } else { sighting.sky });
-                let is_seen = (sighting.behind_m.abs() < SAME_RANGE_M) & exceeds(along, square, FACING);
-                support += f64::from(u8::from(is_seen));
+        let mut sums = [f32x4::ZERO; 6];
+        let asked = self.probes.get(..probes.div_ceil(BLOCK)).unwrap_or(&self.probes);
+        for Probes { places, normals, is_probe } in asked {
+            let seen = sights.look_at_four(&pose.back(places));
+            let [x, y, z] = *places;
+            let to_sensor = [sx - x, sy - y, sz - z];
+            let (along, square) = (dot(&to_sensor, normals), dot(&to_sensor, &to_sensor));
+            let well = exceeds(along, square, WELL_FACING);
+            let is_same = seen.behind_m.abs().simd_lt(f32x4::splat(SAME_RANGE_M));
+            let parts = [
+                seen.known & f32x4::ONE,
+                is_same & exceeds(along, square, FACING) & f32x4::ONE,
+                seen.hidden,
+                seen.front,
+                seen.sky & well,
+                well.select(f32x4::ZERO, seen.sky),
+            ];
+            for (sum, part) in sums.iter_mut().zip(parts) {
+                *sum += part & *is_probe;
             }
         }
-        let share = 1.0 / f64::from(known.max(1));
+        let [known, support, hidden, front, sky, averted] = sums.map(total);
+        let share = 1.0 / known.max(1.0);
         parts.seen_support = support * share;
         parts.seen_hidden = hidden * share;
         parts.seen_front = front * share;
         parts.seen_sky = sky * share;
         parts.seen_sky_averted = averted * share;
-        parts.seen = f64::from(known) / asked.len().max(1) as f64;
+        parts.seen = known / (asked.len() * BLOCK).min(self.probe_count).max(1) as f64;
     }
+}
+
+/// The sum of all lanes.
+fn total(sum: f32x4) -> f64 {
+    let [a, b, c, d] = sum.to_array().map(f64::from);
+    (a + b) + (c + d)
 }
 
 /// Only the sights of bare camera points want to know the spacing: everybody else is spared the search.
@@ -356,26 +379,22 @@ fn sparse_spacing(sparse: &Cloud) -> f32 {
     }
 }
 
+/// A mask: whether the cosine between a vector and a unit normal exceeds a limit, from their product and the vector's
+/// square: squares with their signs keep the order.
 #[inline(always)]
-fn dot([ax, ay, az]: &[f32; 3], [bx, by, bz]: &[f32; 3]) -> f32 {
-    ax * bx + ay * by + az * bz
-}
-
-/// Whether the cosine between a vector and a unit normal exceeds a limit: from their product and the vector's square.
-/// Without a root: squares with their signs keep the order.
-#[inline(always)]
-fn exceeds(along: f32, square: f32, limit: f32) -> bool {
-    along * along.abs() > limit * limit.abs() * square
+fn exceeds(along: f32x4, square: f32x4, limit: f32) -> f32x4 {
+    (along * along.abs()).simd_gt(f32x4::splat(limit * limit.abs()) * square)
 }
 
 /// exp(−x) for x ≥ 0 with an absolute error of at most [`BELL_ERROR`].
 #[inline(always)]
-fn bell(x: f32) -> f32 {
+fn bell(x: f32x4) -> f32x4 {
     // Beyond, the value is below the error.
-    let x = if x < 16.0 { x } else { 16.0 };
+    let x = x.fast_min(f32x4::splat(16.0));
     // The 32nd power of exp(−x/32), whose series is cut after the fourth power.
-    let y = x * (1.0 / 32.0);
-    let root = 1.0 - y * (1.0 - y * (0.5 - y * (1.0 / 6.0 - y * (1.0 / 24.0))));
+    let [half, third, fourth] = [0.5, 1.0 / 6.0, 1.0 / 24.0].map(f32x4::splat);
+    let y = x * f32x4::splat(1.0 / 32.0);
+    let root = f32x4::ONE - y * (f32x4::ONE - y * (half - y * (third - y * fourth)));
     let two = root * root;
     let four = two * two;
     let eight = four * four;

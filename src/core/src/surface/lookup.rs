@@ -3,8 +3,10 @@
 //! Far from the surface an answer two cells wide is good enough: there a brushfire over cells of twice the edge decides.
 //! Near it every cell compares the points around it.
 
+use super::four::{indices, whole};
 use crate::neighbours::{Lattice, NOBODY, bounds};
 use nalgebra::Point3;
+use wide::f32x4;
 
 /// Cells of a grid at most (8 MB of short indices): larger clouds get larger cells.
 const MOST_CELLS: usize = 1 << 22;
@@ -65,6 +67,25 @@ impl Lookup {
             Cells::Short(cells) => cells.get(cell).map(|&index| usize::from(index)),
             Cells::Long(cells) => cells.get(cell).map(|&index| index as usize),
         }
+    }
+
+    /// The same of four places, and a mask of those inside the grid: the numbers of the others mean nothing.
+    #[inline(always)]
+    pub(crate) fn four(&self, [x, y, z]: &[f32x4; 3]) -> ([usize; 4], f32x4) {
+        let [lx, ly, lz] = self.low;
+        let [nx, ny, nz] = self.dims.map(|n| f32x4::splat(n as f32));
+        let steps = |c: &f32x4, low: f32| (*c - f32x4::splat(low)) * f32x4::splat(self.inverse_edge);
+        let (i, j, k) = (steps(x, lx), steps(y, ly), steps(z, lz));
+        let within = |c: f32x4, n: f32x4| c.simd_ge(f32x4::ZERO) & c.simd_lt(n);
+        let is_inside = within(i, nx) & within(j, ny) & within(k, nz);
+        // At most 2²² cells: as floats their numbers are exact. Outside it is the first cell.
+        let cell = (whole(i) * ny + whole(j)) * nz + whole(k);
+        let four = indices(cell & is_inside);
+        let found = match &self.cells {
+            Cells::Short(cells) => four.map(|cell| cells.get(cell).map_or(usize::MAX, |&index| usize::from(index))),
+            Cells::Long(cells) => four.map(|cell| cells.get(cell).map_or(usize::MAX, |&index| index as usize)),
+        };
+        (found, is_inside)
     }
 }
 

@@ -10,6 +10,7 @@
 //! * [`patch`]: one patch, for the search and for the refinement; [`noise`]: what a sensor's points scatter;
 //! * [`sampling`]: farthest point sampling.
 
+pub(crate) mod four;
 mod local;
 mod lookup;
 pub mod noise;
@@ -23,10 +24,12 @@ pub use sampling::farthest_points;
 
 use crate::neighbours::{each_knn, unpack};
 use crate::register::cloud::{Cloud, SensorKind};
+use four::FourPatches;
 use local::{Local, Members};
 use lookup::Lookup;
 use nalgebra::{Point3, Vector3};
 use noise::PointNoise;
+use wide::f32x4;
 
 /// Least spacing, m: closer points are the same to every sensor, and all distances are in spacings.
 const LEAST_SPACING_M: f32 = 1e-3;
@@ -154,6 +157,12 @@ impl Surface {
     #[inline]
     pub fn look(&self, place: &[f32; 3]) -> Option<&Patch> {
         self.patches.get(self.lookup.index(place)?)
+    }
+
+    /// The patches near four places, as [`look`](Self::look) finds them.
+    #[inline(always)]
+    pub(crate) fn look_at_four(&self, places: &[f32x4; 3]) -> FourPatches {
+        FourPatches::look(&self.patches, &self.lookup, places)
     }
 
     /// The number of the patch that [`look`](Self::look) finds.

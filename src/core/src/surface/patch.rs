@@ -22,6 +22,9 @@ pub struct Patch {
 }
 
 impl Patch {
+    /// Of a surface without points.
+    pub(crate) const NOWHERE: Self = Self { p: [0.0; 3], a: 0.0, n: [0.0; 3], sigma: 0.0 };
+
     /// From the anchor to a place.
     #[inline]
     pub fn offset(&self, [x, y, z]: &[f32; 3]) -> [f32; 3] {

@@ -1,8 +1,10 @@
 //! Free space of a camera's bare points (method.md §3.4b, camera side).
 
 use super::raster::{Raster, Ray};
-use super::{Depths, Sighting, graded};
+use super::{Depths, Sightings, graded};
+use crate::surface::four::dot;
 use nalgebra::Vector3;
+use wide::f32x4;
 
 /// A place is covered where a ray passes within so many spacings; there the least range counts.
 const COVERED: f32 = 1.6;
@@ -59,48 +61,40 @@ impl CameraMask {
         Some(Self { axes, raster, spacing_m, own_axes: along.z > OWN_AXES })
     }
 
-    /// What the camera says of a place, given from the viewpoint, m.
+    /// What the camera says of four places, given from the viewpoint, m.
     #[inline(always)]
-    pub fn look(&self, ray: [f32; 3]) -> Sighting {
-        let place = Vector3::from(ray);
-        let [ax, ay, along] = self.axes;
-        let depth = along.dot(&place);
-        if depth.is_nan() || depth < LEAST_DEPTH_M {
-            return Sighting::UNKNOWN;
-        }
-        let range = place.norm();
-        let inverse = 1.0 / depth;
-        let Some(around) = self.raster.look(ax.dot(&place) * inverse, ay.dot(&place) * inverse) else {
-            return self.through(ray, 1.0);
-        };
-        let gap = around.angle * range - COVERED * self.spacing_m;
+    pub(crate) fn look_at_four(&self, ray: [f32x4; 3]) -> Sightings {
+        let [ax, ay, along] = self.axes.map(|axis| dot(&[axis.x, axis.y, axis.z].map(f32x4::splat), &ray));
+        // Not a number is nowhere.
+        let is_before = along.simd_ge(f32x4::splat(LEAST_DEPTH_M));
+        let range = dot(&ray, &ray).sqrt();
+        let inverse = f32x4::ONE / along;
+        let (around, is_inside) = self.raster.look(ax * inverse, ay * inverse);
+        // Off the raster no ray passes by.
+        let gap = around.angle * range - f32x4::splat(COVERED * self.spacing_m);
+        let gap = is_inside.select(gap, f32x4::splat(f32::INFINITY));
         let behind = range - around.least;
-        let (front, hidden) = (Depths::CAMERA.share(-behind), Depths::CAMERA.share(behind));
-        let through = self.through(ray, graded(gap * (1.0 / SKY_RAMP_M)));
-        // Covered or not is chance: both are worked out, and one is taken.
-        let is_covered = gap < 0.0;
-        Sighting {
-            known: is_covered | through.known,
-            front: if is_covered { front } else { 0.0 },
-            hidden: if is_covered { hidden } else { 0.0 },
+        let is_covered = gap.simd_lt(f32x4::ZERO) & is_before;
+        // No ray passes by: the camera saw through, as far as it looked there.
+        let is_through = self.in_view(&ray) & is_before;
+        Sightings {
+            known: is_covered | is_through,
+            front: is_covered & Depths::CAMERA.share(-behind),
+            hidden: is_covered & Depths::CAMERA.share(behind),
             // No gap, no sky.
-            sky: through.sky,
-            behind_m: if is_covered { range - around.nearest } else { f32::INFINITY },
+            sky: is_through & graded(gap * f32x4::splat(1.0 / SKY_RAMP_M)),
+            behind_m: is_covered.select(range - around.nearest, f32x4::splat(f32::INFINITY)),
         }
-    }
-
-    /// No ray passes by: the camera saw through, as far as it looked there.
-    #[inline(always)]
-    fn through(&self, ray: [f32; 3], sky: f32) -> Sighting {
-        let known = self.in_view(ray);
-        Sighting { known, sky: if known { sky } else { 0.0 }, ..Sighting::UNKNOWN }
     }
 
     /// In the nominal field of view; of a cloud with other axes it is not known, and everything before the camera is.
     #[inline(always)]
-    fn in_view(&self, [x, y, z]: [f32; 3]) -> bool {
-        let [tx, ty] = VIEW;
-        !self.own_axes | ((z > NEAREST_M) & (x.abs() < z * tx) & (y.abs() < z * ty))
+    fn in_view(&self, [x, y, z]: &[f32x4; 3]) -> f32x4 {
+        if !self.own_axes {
+            return z.simd_eq(*z);
+        }
+        let [tx, ty] = VIEW.map(f32x4::splat);
+        z.simd_gt(f32x4::splat(NEAREST_M)) & x.abs().simd_lt(*z * tx) & y.abs().simd_lt(*z * ty)
     }
 }
 

@@ -1,7 +1,9 @@
 //! Free space of a depth image with its misses (method.md §3.4).
 
-use super::{Depths, Sighting};
+use super::{Depths, Sightings};
 use crate::register::cloud::DepthView;
+use crate::surface::four::{indices, whole};
+use wide::f32x4;
 
 /// Side of the window in which the least depth counts, px: noise along a silhouette never does.
 const WINDOW: usize = 9;
@@ -21,6 +23,10 @@ struct Window {
     least: f32,
     /// The middle's own depth; infinite: sky; NaN: not known.
     middle: f32,
+}
+
+impl Window {
+    const UNKNOWN: Self = Self { least: f32::NAN, middle: f32::NAN };
 }
 
 /// The least depth around every fourth pixel.
@@ -66,29 +72,40 @@ impl DepthMask {
         })
     }
 
-    /// What the camera says of a place in its own frame (z forward), m.
+    /// What the camera says of four places in its own frame (z forward), m.
     #[inline(always)]
-    pub fn look(&self, [x, y, z]: [f32; 3]) -> Sighting {
-        if z.is_nan() || z <= NEAREST_M {
-            return Sighting::UNKNOWN;
-        }
-        let ([fx, fy], [cx, cy], [width, height]) = (self.focal, self.center, self.size);
-        let inverse = 1.0 / z;
+    pub(crate) fn look_at_four(&self, [x, y, z]: [f32x4; 3]) -> Sightings {
+        let [fx, fy] = self.focal.map(f32x4::splat);
+        let [cx, cy] = self.center.map(|center| f32x4::splat(center + 0.5));
+        let [width, height] = self.size.map(|size| f32x4::splat(size - RIM));
+        let inverse = f32x4::ONE / z;
         // Pixel centres are at integers.
-        let (u, v) = (x * inverse * fx + cx + 0.5, y * inverse * fy + cy + 0.5);
-        if !(u >= RIM && v >= RIM && u < width - RIM && v < height - RIM) {
-            return Sighting::UNKNOWN;
+        let (u, v) = (x * inverse * fx + cx, y * inverse * fy + cy);
+        let rim = f32x4::splat(RIM);
+        let in_view = z.simd_gt(f32x4::splat(NEAREST_M))
+            & (u.simd_ge(rim) & v.simd_ge(rim))
+            & (u.simd_lt(width) & v.simd_lt(height));
+        let step = |pixel: f32x4| whole((pixel & in_view) * f32x4::splat(1.0 / STEP as f32));
+        // Fewer than 2²⁴ entries: their numbers are exact.
+        let entries = indices(step(v) * f32x4::splat(self.columns as f32) + step(u));
+        let four = entries.map(|entry| self.windows.get(entry).unwrap_or(&Window::UNKNOWN));
+        let (least, middle) =
+            (f32x4::new(four.map(|window| window.least)), f32x4::new(four.map(|window| window.middle)));
+        let infinity = f32x4::splat(f32::INFINITY);
+        let known = in_view & least.simd_eq(least);
+        let (is_sky, is_seen) = (known & least.simd_eq(infinity), known & least.simd_lt(infinity));
+        Sightings {
+            known,
+            front: is_seen & Depths::CAMERA.share(least - z),
+            hidden: is_seen & Depths::CAMERA.share(z - least),
+            sky: is_sky & f32x4::ONE,
+            behind_m: (is_seen & middle.simd_lt(infinity)).select(z - middle, infinity),
         }
-        let entry = v as usize / STEP * self.columns + u as usize / STEP;
-        let Some(window) = self.windows.get(entry).filter(|window| !window.least.is_nan()) else {
-            return Sighting::UNKNOWN;
-        };
-        let behind_m = if window.middle.is_finite() { z - window.middle } else { f32::INFINITY };
-        if window.least == f32::INFINITY {
-            return Sighting { known: true, sky: 1.0, ..Sighting::UNKNOWN };
-        }
-        let (front, hidden) = (Depths::CAMERA.share(window.least - z), Depths::CAMERA.share(z - window.least));
-        Sighting { known: true, front, hidden, sky: 0.0, behind_m }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn look(&self, place: [f32; 3]) -> super::Sighting {
+        self.look_at_four(place.map(f32x4::splat)).first()
     }
 }
 

@@ -4,9 +4,11 @@ use super::angle::arc;
 use super::camera::sight_axes;
 use super::raster::{Raster, Ray};
 use super::rings::{Direction, Rings};
-use super::{Depths, Sighting, graded};
+use super::{Depths, Sightings, graded};
 use crate::neighbours::{KdTree, Neighbours};
+use crate::surface::four::{dot, indices};
 use nalgebra::{Matrix3, Point3, Vector3};
+use wide::f32x4;
 
 /// A raster's cell, rad: 0.2°.
 const CELL: f32 = 3.490_658_5e-3;
@@ -100,37 +102,29 @@ impl LidarMask {
         self.rings.as_ref()
     }
 
-    /// What the LiDAR says of a place, given from the viewpoint, m.
+    /// What the LiDAR says of four places, given from the viewpoint, m.
     #[inline(always)]
-    pub fn look(&self, ray: [f32; 3]) -> Sighting {
-        let place = Vector3::from(ray);
-        let [ax, ay, az] = self.axes;
-        let (x, y, z) = (ax.dot(&place), ay.dot(&place), az.dot(&place));
+    pub(crate) fn look_at_four(&self, ray: [f32x4; 3]) -> Sightings {
+        let [x, y, z] = self.axes.map(|axis| dot(&[axis.x, axis.y, axis.z].map(f32x4::splat), &ray));
         let flat = x * x + y * y;
-        // Not a number has no direction.
-        if flat.is_nan() || z.is_nan() {
-            return Sighting::UNKNOWN;
-        }
-        let Some(row) = self.raster.row(arc(z, flat.sqrt())) else { return Sighting::UNKNOWN };
-        let Some(around) = self.raster.look_in_row(arc(y, x) * self.along, row) else { return Sighting::UNKNOWN };
-        let sure = self.sure.get(row as usize).copied().unwrap_or(NEVER);
-        let near = COVERED * self.step;
-        let (is_sure, is_near) = (sure < NEVER, around.angle <= near);
-        if !is_sure && !is_near {
-            return Sighting::UNKNOWN;
-        }
         let range = (flat + z * z).sqrt();
-        let is_covered = around.angle < sure.min(near).max(0.6 * self.step);
-        let front = Depths::LIDAR.share(around.least - range);
-        let hidden = Depths::LIDAR.share(range - around.greatest);
-        let sky = graded((around.angle - sure) * range * (1.0 / SKY_RAMP_M));
-        Sighting {
-            known: true,
-            front: if is_covered { front } else { 0.0 },
-            hidden: if is_covered { hidden } else { 0.0 },
+        let (row, in_rows) = self.raster.row(arc(z, flat.sqrt()));
+        let around = self.raster.look_in_row(arc(y, x) * f32x4::splat(self.along), row);
+        let sure = f32x4::new(indices(row).map(|row| self.sure.get(row).copied().unwrap_or(NEVER)));
+        let near = f32x4::splat(COVERED * self.step);
+        // Not a number has no direction.
+        let is_place = in_rows & range.simd_eq(range);
+        let known = is_place & (sure.simd_lt(f32x4::splat(NEVER)) | around.angle.simd_le(near));
+        let widest = sure.fast_min(near).fast_max(f32x4::splat(0.6 * self.step));
+        let is_covered = known & around.angle.simd_lt(widest);
+        let sky = graded((around.angle - sure) * range * f32x4::splat(1.0 / SKY_RAMP_M));
+        Sightings {
+            known,
+            front: is_covered & Depths::LIDAR.share(around.least - range),
+            hidden: is_covered & Depths::LIDAR.share(range - around.greatest),
             // Where no disc is sure to be empty `sure` is so wide that this is 0.
-            sky: if is_covered { 0.0 } else { sky },
-            behind_m: if is_covered { range - around.nearest } else { f32::INFINITY },
+            sky: is_covered.select(f32x4::ZERO, known & sky),
+            behind_m: is_covered.select(range - around.nearest, f32x4::splat(f32::INFINITY)),
         }
     }
 }

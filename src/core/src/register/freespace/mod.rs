@@ -4,7 +4,7 @@
 //! * with the misses: [`depth`] (a depth image), [`ranges`] (a LiDAR's range image);
 //! * from bare points: [`camera`] and [`lidar`], over a raster of what lies around each direction; a missing return
 //!   says something exactly where the density of the returns around it says that one was due ([`rings`]);
-//! * [`angle`]: arcs, quick.
+//! * [`angle`]: arcs, quick; all of them answer four places at once.
 
 pub mod angle;
 pub mod camera;
@@ -21,6 +21,7 @@ pub use ranges::RangeMask;
 
 use super::cloud::{Cloud, SensorKind, View};
 use nalgebra::{Point3, Vector3};
+use wide::f32x4;
 
 /// What a sensor says of a place. The shares are graded, 0..=1, so that a score has no steps; at most one is above 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,6 +43,34 @@ impl Sighting {
     pub const UNKNOWN: Self = Self { known: false, front: 0.0, hidden: 0.0, sky: 0.0, behind_m: f32::INFINITY };
 }
 
+/// What it says of four places.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sightings {
+    /// A mask.
+    pub(crate) known: f32x4,
+    pub(crate) front: f32x4,
+    pub(crate) hidden: f32x4,
+    pub(crate) sky: f32x4,
+    pub(crate) behind_m: f32x4,
+}
+
+impl Sightings {
+    /// Of the first place.
+    fn first(&self) -> Sighting {
+        let first = |numbers: f32x4| {
+            let [number, ..] = numbers.to_array();
+            number
+        };
+        Sighting {
+            known: self.known.to_bitmask() & 1 == 1,
+            front: first(self.front),
+            hidden: first(self.hidden),
+            sky: first(self.sky),
+            behind_m: first(self.behind_m),
+        }
+    }
+}
+
 /// How far before or behind a seen surface a place begins to count, m, and how steeply the count rises to 1: over 4 cm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Depths {
@@ -56,18 +85,18 @@ impl Depths {
     /// Of a LiDAR's: its ranges scatter more.
     pub(crate) const LIDAR: Self = Self { from_m: 0.06, per_m: 25.0 };
 
-    /// The share of a distance beyond a surface.
-    #[inline]
-    pub(crate) fn share(self, beyond_m: f32) -> f32 {
-        graded((beyond_m - self.from_m) * self.per_m)
+    /// The shares of distances beyond a surface.
+    #[inline(always)]
+    pub(crate) fn share(self, beyond_m: f32x4) -> f32x4 {
+        graded((beyond_m - f32x4::splat(self.from_m)) * f32x4::splat(self.per_m))
     }
 }
 
 /// ⟨a⟩: clamped to 0..=1; not a number is 0.
-#[inline]
-pub(crate) fn graded(a: f32) -> f32 {
-    let a = if a > 0.0 { a } else { 0.0 };
-    if a < 1.0 { a } else { 1.0 }
+#[inline(always)]
+pub(crate) fn graded(a: f32x4) -> f32x4 {
+    let a = a & a.simd_gt(f32x4::ZERO);
+    a.simd_lt(f32x4::ONE).select(a, f32x4::ONE)
 }
 
 /// The free space of one sensor. Places are in the frame of the sensor's cloud.
@@ -107,21 +136,19 @@ impl FreeSpace {
 
     /// What the sensor says of a place in its cloud's frame, m.
     pub fn look(&self, place: &[f32; 3]) -> Sighting {
-        let mut found = [Sighting::UNKNOWN];
-        self.look_at(core::slice::from_ref(place), &mut found);
-        let [found] = found;
-        found
+        self.look_at_four(&place.map(f32x4::splat)).first()
     }
 
-    /// What it says of many places, one by one into `found`: asks only once which kind of sensor it is.
-    pub fn look_at(&self, places: &[[f32; 3]], found: &mut [Sighting]) {
-        let [vx, vy, vz] = self.viewpoint;
-        let rays = places.iter().map(|[x, y, z]| [x - vx, y - vy, z - vz]).zip(found);
+    /// What it says of four places.
+    #[inline]
+    pub(crate) fn look_at_four(&self, [x, y, z]: &[f32x4; 3]) -> Sightings {
+        let [vx, vy, vz] = self.viewpoint.map(f32x4::splat);
+        let rays = [*x - vx, *y - vy, *z - vz];
         match &self.mask {
-            Mask::Camera(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
-            Mask::Lidar(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
-            Mask::Depth(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
-            Mask::Ranges(mask) => rays.for_each(|(ray, to)| *to = mask.look(ray)),
+            Mask::Camera(mask) => mask.look_at_four(rays),
+            Mask::Lidar(mask) => mask.look_at_four(rays),
+            Mask::Depth(mask) => mask.look_at_four(rays),
+            Mask::Ranges(mask) => mask.look_at_four(rays),
         }
     }
 

@@ -1,8 +1,11 @@
 //! Free space of a LiDAR's range image with its misses (method.md §3.4).
 
 use super::angle::arc;
-use super::{Depths, Sighting, graded};
+use super::{Depths, Sightings, graded};
 use crate::register::cloud::RangeView;
+use crate::surface::four::indices;
+use core::f32::consts::TAU;
+use wide::f32x4;
 
 /// A place belongs to a ring within this elevation, rad: 0.25°.
 const ON_RING: f32 = 4.363_323e-3;
@@ -71,44 +74,49 @@ impl RangeMask {
         })
     }
 
-    /// What the LiDAR says of a place in its own frame (z up), m.
+    /// What the LiDAR says of four places in its own frame (z up), m.
     #[inline(always)]
-    pub fn look(&self, [x, y, z]: [f32; 3]) -> Sighting {
+    pub(crate) fn look_at_four(&self, [x, y, z]: [f32x4; 3]) -> Sightings {
         let flat = x * x + y * y;
         let elevation = arc(z, flat.sqrt());
-        let entry = (elevation - self.first_elevation) * (1.0 / TABLE_STEP);
-        // Not a number has no direction.
-        if flat.is_nan() || entry.is_nan() || entry < 0.0 {
-            return Sighting::UNKNOWN;
-        }
-        let Some(&ring) = self.ring_at.get(entry as usize).filter(|&&ring| ring != NONE) else {
-            return Sighting::UNKNOWN;
-        };
-        // Less than a turn from the first column.
-        let mut azimuth = arc(y, x) - self.first_azimuth;
-        let turn = core::f32::consts::TAU;
-        if azimuth < -0.5 / self.inverse_step {
-            azimuth += turn;
-        }
-        if azimuth >= turn - 0.5 / self.inverse_step {
-            azimuth -= turn;
-        }
-        let column = azimuth * self.inverse_step + 0.5;
-        if !(column >= 0.0 && column < self.columns as f32) {
-            return Sighting::UNKNOWN;
-        }
-        let place = usize::from(ring) * self.columns + column as usize;
-        let Some(firings) = self.firings.get(place).filter(|firings| !firings.least.is_nan()) else {
-            return Sighting::UNKNOWN;
-        };
+        let entry = (elevation - f32x4::splat(self.first_elevation)) * f32x4::splat(1.0 / TABLE_STEP);
         let range = (flat + z * z).sqrt();
-        let behind_m = if firings.middle.is_finite() { range - firings.middle } else { f32::INFINITY };
-        if firings.least == f32::INFINITY {
-            let sky = graded((firings.away * range - EDGE_M) * (1.0 / EDGE_M));
-            return Sighting { known: true, sky, ..Sighting::UNKNOWN };
+        // Not a number has no direction.
+        let is_above = entry.simd_ge(f32x4::ZERO) & range.simd_eq(range);
+        // Less than a turn from the first column.
+        let (turn, half) = (f32x4::splat(TAU), 0.5 / self.inverse_step);
+        let azimuth = arc(y, x) - f32x4::splat(self.first_azimuth);
+        let azimuth = azimuth + (turn & azimuth.simd_lt(f32x4::splat(-half)));
+        let azimuth = azimuth - (turn & azimuth.simd_ge(f32x4::splat(TAU - half)));
+        let column = azimuth * f32x4::splat(self.inverse_step) + f32x4::splat(0.5);
+        let in_columns = column.simd_ge(f32x4::ZERO) & column.simd_lt(f32x4::splat(self.columns as f32));
+        let in_view = is_above & in_columns;
+        let places = indices(entry & in_view).into_iter().zip(indices(column & in_view));
+        let (mut least, mut middle, mut away) = ([f32::NAN; 4], [f32::NAN; 4], [0.0; 4]);
+        let found = least.iter_mut().zip(&mut middle).zip(&mut away);
+        for ((entry, column), ((least, middle), away)) in places.zip(found) {
+            let ring = self.ring_at.get(entry).filter(|&&ring| ring != NONE);
+            let firings = ring.and_then(|&ring| self.firings.get(usize::from(ring) * self.columns + column));
+            if let Some(firings) = firings {
+                (*least, *middle, *away) = (firings.least, firings.middle, firings.away);
+            }
         }
-        let (front, hidden) = (Depths::LIDAR.share(firings.least - range), Depths::LIDAR.share(range - firings.least));
-        Sighting { known: true, front, hidden, sky: 0.0, behind_m }
+        let (least, middle, away) = (f32x4::new(least), f32x4::new(middle), f32x4::new(away));
+        let infinity = f32x4::splat(f32::INFINITY);
+        let known = in_view & least.simd_eq(least);
+        let (is_sky, is_seen) = (known & least.simd_eq(infinity), known & least.simd_lt(infinity));
+        Sightings {
+            known,
+            front: is_seen & Depths::LIDAR.share(least - range),
+            hidden: is_seen & Depths::LIDAR.share(range - least),
+            sky: is_sky & graded((away * range - f32x4::splat(EDGE_M)) * f32x4::splat(1.0 / EDGE_M)),
+            behind_m: (is_seen & middle.simd_lt(infinity)).select(range - middle, infinity),
+        }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn look(&self, place: [f32; 3]) -> super::Sighting {
+        self.look_at_four(place.map(f32x4::splat)).first()
     }
 }
 

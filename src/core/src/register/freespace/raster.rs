@@ -1,6 +1,8 @@
 //! For each direction: how far the nearest ray is, and what lies around it.
 
 use crate::neighbours::{Lattice, NOBODY};
+use crate::surface::four::{indices, whole};
+use wide::f32x4;
 
 /// Cells of a raster at most (8 MB): wider ones get larger cells.
 const MOST_CELLS: usize = 1 << 19;
@@ -44,6 +46,11 @@ pub(crate) struct Around {
     pub(crate) greatest: f32,
 }
 
+impl Around {
+    /// Of a direction that no ray is near to.
+    const NOTHING: Self = Self { angle: WIDEST, nearest: 0.0, least: 0.0, greatest: 0.0 };
+}
+
 /// Cells over a plane of directions; v runs fastest.
 #[derive(Clone, Debug)]
 pub(crate) struct Raster {
@@ -78,33 +85,54 @@ impl Raster {
         (0..rows).map(move |row| low + (row as f32 + 0.5) / self.inverse_edge)
     }
 
-    /// The row of a v. `None`: outside.
+    /// The rows of four v, and a mask of those inside.
     #[inline(always)]
-    pub(crate) fn row(&self, v: f32) -> Option<u32> {
+    pub(crate) fn row(&self, v: f32x4) -> (f32x4, f32x4) {
         let ([_, low], [_, rows]) = (self.low, self.dims);
-        let row = (v - low) * self.inverse_edge;
-        (row >= 0.0 && row < rows as f32).then_some(row as u32)
+        let row = (v - f32x4::splat(low)) * f32x4::splat(self.inverse_edge);
+        let is_inside = row.simd_ge(f32x4::ZERO) & row.simd_lt(f32x4::splat(rows as f32));
+        (whole(row & is_inside), is_inside)
     }
 
-    /// What lies around a direction in a row, u clamped to the raster.
+    /// What lies around four directions in rows that are inside, u clamped to the raster; not a number as its low end.
     #[inline(always)]
-    pub(crate) fn look_in_row(&self, u: f32, row: u32) -> Option<Around> {
-        let ([low, _], [columns, rows]) = (self.low, self.dims);
-        let column = (((u - low) * self.inverse_edge) as u32).min(columns - 1);
-        self.cells.get((column * rows + row) as usize).copied()
+    pub(crate) fn look_in_row(&self, u: f32x4, row: f32x4) -> FourAround {
+        let ([low, _], [columns, _]) = (self.low, self.dims);
+        let column = (u - f32x4::splat(low)) * f32x4::splat(self.inverse_edge);
+        let column = column & column.simd_gt(f32x4::ZERO);
+        let last = f32x4::splat(columns.saturating_sub(1) as f32);
+        self.around(column.simd_lt(last).select(whole(column), last), row)
     }
 
-    /// What lies around a direction. `None`: it is outside.
+    /// What lies around four directions, and a mask of those inside.
     #[inline(always)]
-    pub(crate) fn look(&self, u: f32, v: f32) -> Option<Around> {
-        let ([low, _], [columns, rows]) = (self.low, self.dims);
-        let column = (u - low) * self.inverse_edge;
-        let row = self.row(v)?;
-        if !(column >= 0.0 && column < columns as f32) {
-            return None;
-        }
-        self.cells.get((column as u32 * rows + row) as usize).copied()
+    pub(crate) fn look(&self, u: f32x4, v: f32x4) -> (FourAround, f32x4) {
+        let ([low, _], [columns, _]) = (self.low, self.dims);
+        let column = (u - f32x4::splat(low)) * f32x4::splat(self.inverse_edge);
+        let is_inside = column.simd_ge(f32x4::ZERO) & column.simd_lt(f32x4::splat(columns as f32));
+        let (row, in_rows) = self.row(v);
+        (self.around(whole(column & is_inside), row), is_inside & in_rows)
     }
+
+    /// Of cells by column and row: fewer than 2²⁴ cells, so their numbers are exact.
+    #[inline(always)]
+    fn around(&self, column: f32x4, row: f32x4) -> FourAround {
+        let [_, rows] = self.dims;
+        let cells = indices(column * f32x4::splat(rows as f32) + row);
+        let four = cells.map(|cell| self.cells.get(cell).unwrap_or(&Around::NOTHING));
+        let columns = four.map(|around| f32x4::new([around.angle, around.nearest, around.least, around.greatest]));
+        let [angle, nearest, least, greatest] = f32x4::transpose(columns);
+        FourAround { angle, nearest, least, greatest }
+    }
+}
+
+/// What lies around four directions.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FourAround {
+    pub(crate) angle: f32x4,
+    pub(crate) nearest: f32x4,
+    pub(crate) least: f32x4,
+    pub(crate) greatest: f32x4,
 }
 
 fn cover(rays: &[Ray], edge: f32, margin: f32) -> Option<Lattice> {
