@@ -2,8 +2,9 @@
 //! Method.md §3.3 and §3.4b.
 //!
 //! ```text
-//!   starts ─▶ descend (48 probes, wide kernel) ─▶ score, keep a fifth ─▶ descend (96, narrower) ─▶ score, distinct
-//!          ─▶ descend (all, up to the rim) ─▶ score, distinct ─▶ polish the best on the score ─▶ half and quarter turns
+//!   starts ─▶ a glance: 24 probes, 3 steps, score, keep a fifth ─▶ descend (48 probes, wide kernel) ─▶ score, distinct
+//!          ─▶ descend (96, narrower) ─▶ score, distinct ─▶ descend (all, up to the rim) ─▶ score, distinct
+//!          ─▶ polish the best on the score ─▶ half and quarter turns
 //! ```
 
 use super::descend::{Probes, Schedule, descend};
@@ -25,9 +26,12 @@ pub struct SearchOptions {
     pub shifts: Vec<f64>,
     /// Starts about a guess, and how far they turn from it, rad.
     pub ball: (usize, f64),
-    /// The share of the starts that survives the first cut, and the least number that does.
+    /// The share of the starts everywhere that survives the first cut, and the least number that does: of those about a
+    /// guess so many survive.
     pub keep: (f64, usize),
-    /// Candidates after the second cut.
+    /// Different places after the wide descents.
+    pub places: usize,
+    /// Candidates after the narrow ones.
     pub candidates: usize,
     /// Candidates that are polished, of a search over everything and of one about a guess.
     pub polished: (usize, usize),
@@ -40,26 +44,60 @@ impl Default for SearchOptions {
             shifts: vec![0.0, 0.5, 1.0],
             ball: (96, 15.0 / 180.0 * core::f64::consts::PI),
             keep: (0.2, 24),
+            places: 400,
             candidates: 60,
             polished: (8, 2),
         }
     }
 }
 
-/// Sparse points of the first descents, and of the second.
-const FIRST: usize = 48;
-const SECOND: usize = 96;
-/// Sparse points of everything after: more cost time and change nothing, for they are spread evenly.
-const MOST: usize = 400;
-/// Dense points of the scores at the cuts.
-const DENSE_AT_CUTS: [usize; 2] = [96, 192];
+/// A descent and what its end is scored by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stage {
+    schedule: Schedule,
+    /// Sparse points of the score.
+    sparse: usize,
+    /// Dense points of the score.
+    dense: usize,
+}
 
-const WIDE: Schedule = Schedule { probes: FIRST, steps: 6, from_m: 0.25, to_m: 0.12, rim_m: f32::INFINITY };
-const NARROW: Schedule = Schedule { probes: SECOND, steps: 8, from_m: 0.12, to_m: 0.05, rim_m: f32::INFINITY };
+impl Stage {
+    const fn new(probes: usize, steps: u32, [from_m, to_m]: [f32; 2], sparse: usize, dense: usize) -> Self {
+        Self { schedule: Schedule { probes, steps, from_m, to_m, rim_m: f32::INFINITY }, sparse, dense }
+    }
+
+    /// The same, with probes that may leave their surface's rim only so far, m.
+    fn within(self, rim_m: f32) -> Self {
+        Self { schedule: Schedule { rim_m, ..self.schedule }, ..self }
+    }
+}
+
+/// Sparse points used at most: more cost time and change nothing, for they are spread evenly.
+const MOST: usize = 400;
+/// Enough to tell the starts that lead nowhere.
+const GLANCE: Stage = Stage::new(24, 3, [0.25, 0.17], 48, 48);
+const WIDE: Stage = Stage::new(48, 4, [0.17, 0.12], 96, 96);
+/// The same about a guess: there are so few starts that none is told by a glance.
+const ABOUT: Stage = Stage::new(48, 6, [0.25, 0.12], 96, 96);
+const NARROW: Stage = Stage::new(96, 8, [0.12, 0.05], 96, 192);
 /// From a half or quarter turn of an answer.
-const TURNED: Schedule = Schedule { probes: SECOND, steps: 8, from_m: 0.15, to_m: 0.05, rim_m: f32::INFINITY };
-const LAST: Schedule = Schedule { probes: MOST, steps: 6, from_m: 0.08, to_m: 0.045, rim_m: f32::INFINITY };
-const POLISHING: Schedule = Schedule { probes: MOST, steps: 3, from_m: 0.05, to_m: 0.04, rim_m: f32::INFINITY };
+const TURNED: Stage = Stage::new(96, 8, [0.15, 0.05], 96, 192);
+const LAST: Stage = Stage::new(MOST, 6, [0.08, 0.045], MOST, PROBES);
+/// Of a polished candidate, round by round: its samples are scored, first by few points, and steps descend with all.
+const POLISHING: [Stage; 3] = [
+    Stage::new(MOST, 3, [0.05, 0.04], 128, 96),
+    Stage::new(MOST, 3, [0.05, 0.04], 128, 96),
+    Stage::new(MOST, 3, [0.05, 0.04], MOST, 192),
+];
+
+/// Nearer than this, rad and m, two descents on their way come to the same place: 3° and 3 cm.
+const MERGED: (f32, f32) = (3.0 / 180.0 * core::f32::consts::PI, 0.03);
+/// A candidate that scores by so much less than the best after each round of polishing never becomes the best: a round
+/// gains less, and its probability beside the best is below 1/1000.
+const HOPELESS: [f32; 3] = [0.3, 0.2, 0.2];
+/// A turned answer that scores by so much less than the best before its last descent; and how many of them there may be.
+const TURNED_WORSE: f32 = 0.4;
+const TURNED_MOST: usize = 12;
 
 /// One search of a sparse cloud's pose on a dense cloud's surface.
 pub(super) struct Search<'a> {
@@ -114,7 +152,12 @@ impl<'a> Search<'a> {
                     .map(move |rotation| Pose::new(&rotation, center.coords - rotation * along))
             })
             .collect();
-        let mut found = self.winnowed(&starts, self.options.polished.0);
+        let (share, least) = self.options.keep;
+        let mut found = self.descents(&starts, &GLANCE);
+        found.truncate(((starts.len() as f64 * share) as usize).max(least));
+        let found = self.descents(&poses(&found), &WIDE);
+        // Hundreds of starts come to the same place: from there one is enough.
+        let mut found = self.narrowed(&distinct(&found, MERGED, self.options.places), self.options.polished.0);
         let turned = self.turned(&found, sparse, dense);
         found.extend(turned);
         sort(&mut found);
@@ -127,34 +170,27 @@ impl<'a> Search<'a> {
         let (count, radius_rad) = self.options.ball;
         let starts: Vec<Pose> =
             starts::ball(count, radius_rad).map(|turn| pose.moved(&turn, &Vector3::zeros())).collect();
-        self.winnowed(&starts, self.options.polished.1)
+        let mut found = self.descents(&starts, &ABOUT);
+        found.truncate(self.options.keep.1);
+        self.narrowed(&found, self.options.polished.1)
     }
 
-    /// The cuts from many starts to a few candidates, best first.
-    fn winnowed(&self, starts: &[Pose], polished: usize) -> Vec<Candidate> {
-        let options = self.options;
-        let [few, more] = DENSE_AT_CUTS;
-        let mut all = self.descents(starts, &WIDE, SECOND, few);
-        sort(&mut all);
-        let kept = ((starts.len() as f64 * options.keep.0) as usize).max(options.keep.1);
-        let best: Vec<Pose> = all.iter().take(kept).map(|candidate| candidate.pose).collect();
-        let mut all = self.descents(&best, &NARROW, SECOND, more);
-        sort(&mut all);
-        let best: Vec<Pose> = distinct(&all, SAME, options.candidates).iter().map(|candidate| candidate.pose).collect();
-        let mut all = self.descents(&best, &Schedule { rim_m: self.rim_m, ..LAST }, MOST, PROBES);
-        sort(&mut all);
-        let mut all = distinct(&all, SAME, usize::MAX);
-        self.polish(&mut all, polished);
-        sort(&mut all);
-        all
+    /// From the ends of wide descents to a few candidates, best first.
+    fn narrowed(&self, wide: &[Candidate], polished: usize) -> Vec<Candidate> {
+        let found = self.descents(&poses(wide), &NARROW);
+        let found = distinct(&found, SAME, self.options.candidates);
+        let found = self.descents(&poses(&found), &LAST.within(self.rim_m));
+        self.polish(distinct(&found, SAME, usize::MAX), polished)
     }
 
-    /// Descends from each pose and scores where it ended.
-    fn descents(&self, poses: &[Pose], schedule: &Schedule, sparse: usize, dense: usize) -> Vec<Candidate> {
-        self.workers.map(poses, |pose| {
-            let pose = descend(self.surface, &self.probes, pose, schedule);
-            Candidate { pose, score: self.score(&pose, sparse, dense) }
-        })
+    /// Descends from each pose and scores where it ended; best first.
+    fn descents(&self, poses: &[Pose], stage: &Stage) -> Vec<Candidate> {
+        let mut found = self.workers.map(poses, |pose| {
+            let pose = descend(self.surface, &self.probes, pose, &stage.schedule);
+            Candidate { pose, score: self.score(&pose, stage.sparse, stage.dense) }
+        });
+        sort(&mut found);
+        found
     }
 
     /// The score of a pose by the first `sparse` points and `dense` points of the surface.
@@ -179,11 +215,16 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        let poses: Vec<Pose> = self.workers.map(&starts, |start| descend(self.surface, &self.probes, start, &TURNED));
-        let mut all = self.descents(&poses, &Schedule { rim_m: self.rim_m, ..LAST }, MOST, PROBES);
-        sort(&mut all);
-        self.polish(&mut all, 3);
-        all
+        let is_new = |one: &Candidate, (angle, distance): (f32, f32)| {
+            found.iter().take(TURNED_MOST).all(|other| !other.pose.is_near(&one.pose, angle, distance))
+        };
+        let least = found.first().map_or(f32::NEG_INFINITY, |best| best.score - TURNED_WORSE);
+        let mut turned = distinct(&self.descents(&starts, &TURNED), MERGED, usize::MAX);
+        turned.retain(|one| one.score > least && is_new(one, MERGED));
+        turned.truncate(TURNED_MOST);
+        let mut last = distinct(&self.descents(&poses(&turned), &LAST.within(self.rim_m)), SAME, usize::MAX);
+        last.retain(|one| is_new(one, SAME));
+        self.polish(last, 3)
     }
 
     /// The middle and the principal axes of both clouds together.
@@ -199,41 +240,47 @@ impl<'a> Search<'a> {
         (middle, [axis(0), axis(1), axis(2)])
     }
 
-    /// Improves the first `count` candidates on the score itself: samples about each, a few steps from the best.
-    fn polish(&self, candidates: &mut [Candidate], count: usize) {
-        let first: Vec<Candidate> = candidates.iter().take(count).copied().collect();
-        let better = self.workers.map(&first, |candidate| self.polished(candidate));
-        for (candidate, better) in candidates.iter_mut().zip(better) {
-            *candidate = better;
+    /// Improves the first `count` candidates on the score itself: samples about each, a few steps from the best. Those that
+    /// come to the place of a better one are left out, those that fall far behind stay as they are. Best first.
+    fn polish(&self, mut candidates: Vec<Candidate>, count: usize) -> Vec<Candidate> {
+        let mut done = candidates.split_off(count.min(candidates.len()));
+        for ((round, stage), margin) in (0..).zip(&POLISHING).zip(HOPELESS) {
+            let mut better = self.workers.map(&candidates, |candidate| self.polished(candidate, round, stage));
+            sort(&mut better);
+            let least = better.first().map_or(0.0, |best| best.score - margin);
+            let (hopeful, hopeless): (Vec<_>, Vec<_>) =
+                distinct(&better, MERGED, usize::MAX).into_iter().partition(|candidate| candidate.score >= least);
+            candidates = hopeful;
+            done.extend(hopeless);
         }
+        candidates.extend(done);
+        sort(&mut candidates);
+        candidates
     }
 
-    fn polished(&self, candidate: &Candidate) -> Candidate {
-        const ROUNDS: usize = 3;
+    /// The best of a candidate, samples about it, and steps from the best of these. Each round scatters less.
+    fn polished(&self, candidate: &Candidate, round: i32, stage: &Stage) -> Candidate {
         const SAMPLES: usize = 24;
         const BEST: usize = 3;
-        let schedule = Schedule { rim_m: self.rim_m, ..POLISHING };
+        let Stage { schedule, sparse, dense } = stage.within(self.rim_m);
+        let scale = libm::pow(0.6, f64::from(round));
+        let offsets = starts::scatter(SAMPLES, round as usize * SAMPLES);
+        let mut around: Vec<Candidate> = offsets
+            .map(|(turn, step)| {
+                let pose = candidate.pose.moved(&(turn * (SPREAD.0 * scale)), &(step * (SPREAD.1 * scale)));
+                Candidate { pose, score: self.score(&pose, sparse, dense) }
+            })
+            .collect();
+        sort(&mut around);
         let mut best = *candidate;
-        let mut scale = 1.0;
-        for round in 0..ROUNDS {
-            let offsets = starts::scatter(SAMPLES, round * SAMPLES);
-            let mut around: Vec<Candidate> = offsets
-                .map(|(turn, step)| {
-                    let pose = best.pose.moved(&(turn * (SPREAD.0 * scale)), &(step * (SPREAD.1 * scale)));
-                    Candidate { pose, score: self.score(&pose, MOST, DENSE_AT_CUTS[1]) }
-                })
-                .collect();
-            sort(&mut around);
-            for sample in around.iter().take(BEST) {
-                let stepped = descend(self.surface, &self.probes, &sample.pose, &schedule);
-                for pose in [sample.pose, stepped] {
-                    let score = self.score(&pose, MOST, PROBES);
-                    if score > best.score {
-                        best = Candidate { pose, score };
-                    }
+        for sample in around.iter().take(BEST) {
+            let stepped = descend(self.surface, &self.probes, &sample.pose, &schedule);
+            for pose in [sample.pose, stepped] {
+                let score = self.score(&pose, MOST, PROBES);
+                if score > best.score {
+                    best = Candidate { pose, score };
                 }
             }
-            scale *= 0.6;
         }
         best
     }
@@ -241,15 +288,17 @@ impl<'a> Search<'a> {
     /// How far, in root mean square, poses about this one go whose scores are as good: rad and m.
     pub(super) fn spread(&self, candidate: &Candidate) -> (f64, f64) {
         const SAMPLES: usize = 64;
+        /// Dense points of their scores.
+        const FLATNESS: usize = 192;
         /// Score to log weight.
         const SHARPNESS: f64 = 40.0;
         let offsets: Vec<_> = starts::scatter(SAMPLES, 0).collect();
         let scored = self.workers.map(&offsets, |(turn, step)| {
             let (turn, step) = (turn * SPREAD.0, step * SPREAD.1);
             let pose = candidate.pose.moved(&turn, &step);
-            (f64::from(self.score(&pose, MOST, DENSE_AT_CUTS[1])), turn.norm_squared(), step.norm_squared())
+            (f64::from(self.score(&pose, MOST, FLATNESS)), turn.norm_squared(), step.norm_squared())
         });
-        let own = f64::from(self.score(&candidate.pose, MOST, DENSE_AT_CUTS[1]));
+        let own = f64::from(self.score(&candidate.pose, MOST, FLATNESS));
         let best = scored.iter().map(|(score, ..)| *score).fold(own, f64::max);
         let mut sums = [libm::exp(SHARPNESS * (own - best)), 0.0, 0.0];
         for (score, turn, step) in scored {
@@ -266,6 +315,10 @@ impl<'a> Search<'a> {
 
 /// The scatter of samples about a pose: each axis of rotation, rad (5°), and of translation, m.
 const SPREAD: (f64, f64) = (5.0 / 180.0 * core::f64::consts::PI, 0.03);
+
+fn poses(found: &[Candidate]) -> Vec<Pose> {
+    found.iter().map(|candidate| candidate.pose).collect()
+}
 
 /// Where a cloud lies, as its sensor sees it.
 #[derive(Clone, Debug)]
