@@ -3,6 +3,7 @@
 use super::nearest::{pack, unpack};
 use super::{KdTree, Neighbours};
 use nalgebra::Point3;
+use wide::f32x4;
 
 /// Points whose neighbourhood is looked at to choose the cell's size.
 const SAMPLES: usize = 31;
@@ -10,17 +11,46 @@ const SAMPLES: usize = 31;
 const EDGE: f32 = 1.12;
 /// Cells there may be for each point: more (points far apart), and the tree is quicker.
 const CELLS_PER_POINT: usize = 64;
-/// First the next point's neighbours are looked for within so many times the reach of the last one's.
-const GUESS: f32 = 1.1;
+/// Guesses of the reach of k neighbours, until they are selected one by one.
+const GUESSES: u32 = 12;
+/// Candidates that are compared in one go.
+const LANES: usize = 4;
 
-/// A neighbour, as [`pack`] makes it: read it with `unpack`.
-pub(crate) type Key = u64;
+/// A point's neighbourhood: candidates four by four, of which those within a squared distance belong to it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Neighbourhood<'a> {
+    /// The point's number.
+    pub(crate) index: u32,
+    /// The point, m.
+    pub(crate) point: [f32; 3],
+    x: &'a [[f32; LANES]],
+    y: &'a [[f32; LANES]],
+    z: &'a [[f32; LANES]],
+    squared: &'a [[f32; LANES]],
+    reach: f32,
+    /// Squared distance of the nearest other point, m²; infinite: there is none.
+    pub(crate) nearest: f32,
+}
 
-/// Calls `visit` with every point's number and the keys of its `k` nearest points (itself among them; fewer only where
-/// there are fewer points), unsorted. Of equal distances the lowest index is taken. The points are finite.
+impl Neighbourhood<'_> {
+    /// Offsets from the point, 0 of those that do not belong, and a mask of those that do.
+    #[inline(always)]
+    pub(crate) fn members(&self) -> impl Iterator<Item = ([f32x4; 3], f32x4)> + '_ {
+        let [px, py, pz] = self.point.map(f32x4::splat);
+        let reach = f32x4::splat(self.reach);
+        self.x.iter().zip(self.y).zip(self.z).zip(self.squared).map(move |(((x, y), z), squared)| {
+            let is_member = f32x4::new(*squared).simd_le(reach);
+            let [x, y, z] = [x, y, z].map(|column| f32x4::new(*column));
+            ([(x - px) & is_member, (y - py) & is_member, (z - pz) & is_member], is_member)
+        })
+    }
+}
+
+/// Calls `visit` with every point's `k` nearest points (itself among them; fewer only where there are fewer points). Of
+/// equal distances the lowest index is taken. The points are finite.
 ///
-/// On surfaces it costs a third of what queries of a tree cost.
-pub(crate) fn each_knn(points: &[Point3<f32>], k: usize, mut visit: impl FnMut(u32, &[Key])) {
+/// On surfaces it costs a fifth of what queries of a tree cost.
+pub(crate) fn each_knn(points: &[Point3<f32>], k: usize, mut visit: impl FnMut(&Neighbourhood<'_>)) {
     if k == 0 {
         return;
     }
@@ -28,10 +58,16 @@ pub(crate) fn each_knn(points: &[Point3<f32>], k: usize, mut visit: impl FnMut(u
         Some(cells) => cells.each_knn(k, visit),
         None => {
             let tree = KdTree::build(points);
-            let mut near = Neighbours::with_capacity(k);
+            let (mut near, mut block) = (Neighbours::with_capacity(k), Block::default());
             for (point, index) in points.iter().zip(0..) {
                 tree.knn(point, k, &mut near);
-                visit(index, near.keys());
+                block.clear();
+                for (number, _) in near.iter() {
+                    points.get(number as usize).into_iter().for_each(|point| block.push(point.coords.into(), number));
+                }
+                block.fill();
+                let nearest = block.measure(point.coords.into());
+                visit(&block.within(index, point.coords.into(), f32::MAX, nearest));
             }
         }
     }
@@ -122,12 +158,12 @@ impl Cells {
         }
     }
 
-    fn each_knn(&self, k: usize, mut visit: impl FnMut(u32, &[Key])) {
+    fn each_knn(&self, k: usize, mut visit: impl FnMut(&Neighbourhood<'_>)) {
         let [nx, ny, nz] = self.dims;
-        let (mut block, mut wider) = (Block::default(), Block::default());
+        let (mut block, mut wider, mut chosen) = (Block::default(), Block::default(), Block::default());
         let mut keys = Vec::new();
         // What reached the last point's neighbours reaches the next one's, most often.
-        let mut guess = f32::INFINITY;
+        let mut guess = self.edge * self.edge;
         for cx in 0..nx {
             for cy in 0..ny {
                 for cz in 0..nz {
@@ -139,19 +175,28 @@ impl Cells {
                     let points = self.columns(own);
                     for (((&x, &y), &z), &index) in points.0.iter().zip(points.1).zip(points.2).zip(points.3) {
                         let point = [x, y, z];
-                        let room = self.room(point, [cx, cy, cz], 1);
-                        let mut done = guess < room && block.nearest(point, k, &mut keys, guess);
-                        done = done || block.nearest(point, k, &mut keys, room);
-                        let mut ring = 2;
-                        while !done {
-                            self.gather([cx, cy, cz], ring, &mut wider);
+                        let mut nearest = block.measure(point);
+                        let (mut ring, mut from) = (1, &mut block);
+                        let reach = loop {
+                            // What lies beyond the room may not be told from what is missing there.
                             let room = self.room(point, [cx, cy, cz], ring);
-                            done = wider.nearest(point, k, &mut keys, room);
+                            let room = if room < 0.0 { -1.0 } else { (room * room).min(f32::MAX) };
+                            if from.count(room) >= k || room == f32::MAX {
+                                break from.reach(k, guess, room);
+                            }
                             ring += 1;
+                            self.gather([cx, cy, cz], ring, &mut wider);
+                            nearest = wider.measure(point);
+                            from = &mut wider;
+                        };
+                        if let Some(reach) = reach {
+                            guess = reach;
+                            visit(&from.within(index, point, reach, nearest));
+                        } else {
+                            from.choose(k, &mut keys, &mut chosen);
+                            chosen.measure(point);
+                            visit(&chosen.within(index, point, f32::MAX, nearest));
                         }
-                        let found = keys.get(..k).unwrap_or(&keys);
-                        guess = found.last().map_or(f32::INFINITY, |&kth| GUESS * unpack(kth).1.sqrt());
-                        visit(index, found);
                     }
                 }
             }
@@ -187,6 +232,7 @@ impl Cells {
                 block.index.extend_from_slice(index);
             }
         }
+        block.fill();
     }
 
     /// How far around the point every point of the cloud is in the block: to its nearest side that has cells beyond it.
@@ -214,29 +260,82 @@ impl Block {
         self.index.clear();
     }
 
-    /// The k nearest first in `keys`. False: some may lie beyond `room`.
-    fn nearest(&mut self, [px, py, pz]: [f32; 3], k: usize, keys: &mut Vec<Key>, room: f32) -> bool {
+    fn push(&mut self, [x, y, z]: [f32; 3], index: u32) {
+        self.x.push(x);
+        self.y.push(y);
+        self.z.push(z);
+        self.index.push(index);
+    }
+
+    /// Fills the last four up with what is near nothing.
+    fn fill(&mut self) {
+        while !self.x.len().is_multiple_of(LANES) {
+            self.push([f32::INFINITY; 3], u32::MAX);
+        }
+    }
+
+    /// Measures every candidate's squared distance from a point of the cloud; answers that of the nearest other point.
+    fn measure(&mut self, point: [f32; 3]) -> f32 {
+        let [px, py, pz] = point.map(f32x4::splat);
         self.squared.resize(self.x.len(), 0.0);
-        for (((to, x), y), z) in self.squared.iter_mut().zip(&self.x).zip(&self.y).zip(&self.z) {
-            let (dx, dy, dz) = (x - px, y - py, z - pz);
-            *to = dx * dx + dy * dy + dz * dz;
+        let (x, y, z) = (self.x.as_chunks::<LANES>().0, self.y.as_chunks::<LANES>().0, self.z.as_chunks::<LANES>().0);
+        let mut least = f32x4::splat(f32::INFINITY);
+        let mut here = f32x4::ZERO;
+        for (((to, x), y), z) in self.squared.as_chunks_mut::<LANES>().0.iter_mut().zip(x).zip(y).zip(z) {
+            let (dx, dy, dz) = (f32x4::new(*x) - px, f32x4::new(*y) - py, f32x4::new(*z) - pz);
+            let squared = dx * dx + dy * dy + dz * dz;
+            let is_apart = squared.simd_gt(f32x4::ZERO);
+            least = is_apart.select(squared, least).fast_min(least);
+            here += is_apart.select(f32x4::ZERO, f32x4::ONE);
+            *to = squared.to_array();
         }
-        // What lies beyond the room may not be told from what is missing there: leave it out before the selection.
-        let reach = if room > 0.0 { room * room } else { -1.0 };
-        // Written in any case, kept by counting: no guess of the processor is ever wrong.
-        keys.resize(self.squared.len(), 0);
-        let mut kept = 0;
-        for (&squared, &index) in self.squared.iter().zip(&self.index) {
-            if let Some(place) = keys.get_mut(kept) {
-                *place = pack(squared, index);
+        let [a, b, c, d] = least.to_array();
+        // The point itself is one of those here.
+        if here.reduce_add() > 1.0 { 0.0 } else { a.min(b).min(c.min(d)) }
+    }
+
+    /// Candidates within a squared distance.
+    fn count(&self, reach: f32) -> usize {
+        self.squared.iter().map(|squared| u32::from(*squared <= reach)).sum::<u32>() as usize
+    }
+
+    /// A squared distance, at most `most`, within which there are exactly `k` candidates. `None`: it was not found, for
+    /// instance because two of them are equally far. On a surface their number grows with the squared distance.
+    fn reach(&self, k: usize, guess: f32, most: f32) -> Option<f32> {
+        let (mut low, mut high) = (0.0f32, most);
+        let mut reach = guess.min(most);
+        for step in 0..GUESSES {
+            let count = self.count(reach);
+            if count == k {
+                return Some(reach);
             }
-            kept += usize::from(squared <= reach);
+            if count < k {
+                low = reach;
+            } else {
+                high = reach;
+            }
+            let by_share = reach * (k as f32 - 0.5) / (count as f32 - 0.5).max(0.5);
+            let is_between = by_share > low && by_share < high;
+            reach = if is_between && step % 3 != 2 { by_share } else { 0.5 * (low + high) };
         }
-        keys.truncate(kept);
-        if keys.len() > k {
-            keys.select_nth_unstable(k - 1);
-        }
-        keys.len() >= k || room == f32::INFINITY
+        None
+    }
+
+    /// The k nearest alone, of equal distances the lowest index.
+    fn choose(&self, k: usize, keys: &mut Vec<(u64, [f32; 3])>, chosen: &mut Block) {
+        keys.clear();
+        let columns = self.x.iter().zip(&self.y).zip(&self.z).zip(&self.index).zip(&self.squared);
+        let finite = columns.filter(|(_, squared)| **squared < f32::INFINITY);
+        keys.extend(finite.map(|((((x, y), z), index), squared)| (pack(*squared, *index), [*x, *y, *z])));
+        keys.sort_unstable_by_key(|(key, _)| *key);
+        chosen.clear();
+        keys.iter().take(k).for_each(|(key, place)| chosen.push(*place, unpack(*key).0));
+        chosen.fill();
+    }
+
+    fn within(&self, index: u32, point: [f32; 3], reach: f32, nearest: f32) -> Neighbourhood<'_> {
+        let [x, y, z, squared] = [&self.x, &self.y, &self.z, &self.squared].map(|column| column.as_chunks::<LANES>().0);
+        Neighbourhood { index, point, x, y, z, squared, reach, nearest }
     }
 }
 
@@ -288,12 +387,30 @@ mod tests {
         fn every_points_neighbours_are_those_of_the_tree(points in cloud(), k in 1usize..24) {
             let tree = KdTree::build(&points);
             let mut seen = 0;
-            each_knn(&points, k, |index, keys| {
-                let mut found = keys.to_vec();
-                found.sort_unstable();
+            each_knn(&points, k, |found| {
                 let mut expected = Neighbours::default();
-                tree.knn(&points[index as usize], k, &mut expected);
-                assert_eq!(found, expected.keys());
+                tree.knn(&points[found.index as usize], k, &mut expected);
+                let members: Vec<u32> = (0..).zip(found.squared.as_flattened())
+                    .filter(|(_, squared)| **squared <= found.reach).map(|(place, _)| place).collect();
+                let point = points[found.index as usize];
+                let mut offsets: Vec<[u32; 3]> = members.iter().map(|&place| {
+                    let at = |column: &[[f32; LANES]]| column.as_flattened()[place as usize];
+                    let offset = Point3::new(at(found.x), at(found.y), at(found.z)) - point;
+                    [offset.x, offset.y, offset.z].map(f32::to_bits)
+                }).collect();
+                let mut wanted: Vec<[u32; 3]> = expected.iter().map(|(number, _)| {
+                    let offset = points[number as usize] - point;
+                    [offset.x, offset.y, offset.z].map(f32::to_bits)
+                }).collect();
+                offsets.sort_unstable();
+                wanted.sort_unstable();
+                assert_eq!(offsets, wanted);
+                let counted: f32 = found.members().map(|(_, mask)| (mask & f32x4::ONE).reduce_add()).sum();
+                assert_eq!(counted as usize, expected.len());
+                let others = expected.iter().filter(|(number, _)| *number != found.index).map(|(_, squared)| squared);
+                if k > 1 {
+                    assert_eq!(found.nearest, others.fold(f32::INFINITY, f32::min));
+                }
                 seen += 1;
             });
             prop_assert_eq!(seen, points.len());
@@ -303,11 +420,9 @@ mod tests {
     #[test]
     fn points_in_one_place_are_each_others_neighbours() {
         let mut seen = 0;
-        each_knn(&[Point3::new(1.0, 2.0, 3.0); 100], 5, |_, keys| {
-            // Of equal distances the lowest indices: 0, 1, 2, 3, 4 at distance 0, whose bits are 0.
-            let mut found = keys.to_vec();
-            found.sort_unstable();
-            assert_eq!(found, [0, 1, 2, 3, 4]);
+        each_knn(&[Point3::new(1.0, 2.0, 3.0); 100], 5, |found| {
+            let counted: f32 = found.members().map(|(_, mask)| (mask & f32x4::ONE).reduce_add()).sum();
+            assert_eq!((counted, found.nearest), (5.0, 0.0));
             seen += 1;
         });
         assert_eq!(seen, 100);

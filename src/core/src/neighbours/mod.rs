@@ -7,8 +7,7 @@ mod lattice;
 mod nearest;
 mod tree;
 
-pub(crate) use cells::{bounds, each_knn};
+pub(crate) use cells::{Neighbourhood, bounds, each_knn};
 pub(crate) use lattice::{Lattice, NOBODY};
 pub use nearest::Neighbours;
-pub(crate) use nearest::unpack;
 pub use tree::KdTree;

@@ -45,11 +45,6 @@ impl Neighbours {
         self.keys.get(n).map(|&key| unpack(key))
     }
 
-    /// Packed, nearest first.
-    pub(crate) fn keys(&self) -> &[u64] {
-        &self.keys
-    }
-
     /// Forgets what was found and asks for the `k` nearest from now on.
     pub(crate) fn ask(&mut self, k: usize) {
         self.wanted = k;

@@ -1,65 +1,27 @@
 //! Mean, normal and curvature of a neighbourhood.
 
+use crate::neighbours::Neighbourhood;
 use nalgebra::Vector3;
+use wide::f32x4;
 
 /// Largest curvature, 1/m: a radius of 12.5 cm (method.md §2.3).
 const SHARPEST: f64 = 8.0;
 /// Curvature counts where it exceeds so many of its own standard deviations.
 const SIGNIFICANT: f64 = 3.0;
 
-/// Sums are kept in so many lanes, and added up in their order.
-const LANES: usize = 4;
-
-/// Points of a neighbourhood, from the point whose neighbourhood it is, m: column by column.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Members {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    z: Vec<f64>,
-}
-
-impl Members {
-    pub(crate) fn clear(&mut self) {
-        self.x.clear();
-        self.y.clear();
-        self.z.clear();
-    }
-
-    pub(crate) fn push(&mut self, offset: Vector3<f32>) {
-        let offset = offset.cast::<f64>();
-        self.x.push(offset.x);
-        self.y.push(offset.y);
-        self.z.push(offset.z);
-    }
-
-    fn len(&self) -> usize {
-        self.x.len()
-    }
-
-    /// Sums of N numbers of every member.
-    #[inline]
-    fn sums<const N: usize>(&self, of: impl Fn([f64; 3]) -> [f64; N]) -> [f64; N] {
-        let mut lanes = [[0.0; N]; LANES];
-        let (x, y, z) = (self.x.as_chunks::<LANES>(), self.y.as_chunks::<LANES>(), self.z.as_chunks::<LANES>());
-        let add = |sums: &mut [f64; N], place: [f64; 3]| {
-            for (sum, value) in sums.iter_mut().zip(of(place)) {
-                *sum += value;
-            }
-        };
-        for ((x, y), z) in x.0.iter().zip(y.0).zip(z.0) {
-            for (((sums, &x), &y), &z) in lanes.iter_mut().zip(x).zip(y).zip(z) {
-                add(sums, [x, y, z]);
-            }
+/// Sums of N numbers of every member: single precision is enough for a few offsets that are as long as each other.
+#[inline(always)]
+fn sums<const N: usize>(near: &Neighbourhood<'_>, of: impl Fn([f32x4; 3], f32x4) -> [f32x4; N]) -> [f64; N] {
+    let mut sums = [f32x4::ZERO; N];
+    for (offset, is_member) in near.members() {
+        for (sum, value) in sums.iter_mut().zip(of(offset, is_member)) {
+            *sum += value;
         }
-        for (((sums, &x), &y), &z) in lanes.iter_mut().zip(x.1).zip(y.1).zip(z.1) {
-            add(sums, [x, y, z]);
-        }
-        let [mut all, b, c, d] = lanes;
-        for (((a, b), c), d) in all.iter_mut().zip(b).zip(c).zip(d) {
-            *a = (*a + b) + (c + d);
-        }
-        all
     }
+    sums.map(|sum| {
+        let [a, b, c, d] = sum.to_array().map(f64::from);
+        (a + b) + (c + d)
+    })
 }
 
 /// What was fitted. Places are offsets from the point whose neighbourhood it is.
@@ -81,33 +43,37 @@ pub(crate) struct Local {
 
 impl Local {
     /// Fits a plane, and a sphere where curvature stands out from the residuals. Without points: a plane along z.
-    pub(crate) fn fit(members: &Members, curved: bool) -> Self {
-        let n = members.len();
-        let share = 1.0 / n.max(1) as f64;
-        let [mx, my, mz] = members.sums(|place| place).map(|sum| sum * share);
-        let products = members.sums(|[x, y, z]| {
-            let (x, y, z) = (x - mx, y - my, z - mz);
-            [x * x, x * y, x * z, y * y, y * z, z * z]
+    pub(crate) fn fit(near: &Neighbourhood<'_>, curved: bool) -> Self {
+        let [n, x, y, z, xx, xy, xz, yy, yz, zz] = sums(near, |[x, y, z], is_member| {
+            [f32x4::ONE & is_member, x, y, z, x * x, x * y, x * z, y * y, y * z, z * z]
         });
+        let share = 1.0 / n.max(1.0);
+        let [mx, my, mz] = [x, y, z].map(|sum| sum * share);
+        let means = [mx * mx, mx * my, mx * mz, my * my, my * mz, mz * mz];
+        let mut covariance = [xx, xy, xz, yy, yz, zz];
+        for (entry, mean) in covariance.iter_mut().zip(means) {
+            *entry = *entry * share - mean;
+        }
         let mean = Vector3::new(mx, my, mz);
-        let (eigenvalues, normal) = least_eigenvector(products.map(|sum| sum * share));
+        let (eigenvalues, normal) = least_eigenvector(covariance);
         let [l3, ..] = eigenvalues;
-        let plane = l3 * n as f64 / (n.max(4) - 3) as f64;
+        let plane = l3 * n / (n.max(4.0) - 3.0);
         let flat = Self { mean, normal, foot: mean, curvature: 0.0, eigenvalues, residual: plane, members: n as u32 };
-        if curved { flat.bent(members) } else { flat }
+        if curved { flat.bent(near) } else { flat }
     }
 
     /// With the curvature that least squares of heights against ½ρ² find, if it stands out (method.md §2.3).
-    fn bent(self, members: &Members) -> Self {
+    fn bent(self, near: &Neighbourhood<'_>) -> Self {
         let n = f64::from(self.members);
         if n < 6.0 {
             return self;
         }
-        let (mean, normal) = (self.mean, self.normal);
-        let [rr, r4, hr] = members.sums(|[x, y, z]| {
-            let (x, y, z) = (x - mean.x, y - mean.y, z - mean.z);
-            let height = normal.x * x + normal.y * y + normal.z * z;
-            let square = x * x + y * y + z * z - height * height;
+        let [mx, my, mz] = <[f64; 3]>::from(self.mean).map(|c| f32x4::splat(c as f32));
+        let [nx, ny, nz] = <[f64; 3]>::from(self.normal).map(|c| f32x4::splat(c as f32));
+        let [rr, r4, hr] = sums(near, |[x, y, z], is_member| {
+            let (x, y, z) = (x - mx, y - my, z - mz);
+            let height = nx * x + ny * y + nz * z;
+            let square = (x * x + y * y + z * z - height * height) & is_member;
             [square, square * square, height * square]
         });
         // Heights have no mean: Σh(ρ² − ρ̄²) = Σhρ².
@@ -204,8 +170,9 @@ mod tests {
     #[test]
     fn points_on_a_line_have_a_normal_across_it() {
         let along = Vector3::new(0.6, 0.0, 0.8);
-        let mut members = Members::default();
-        (0..10).for_each(|k| members.push((along * (f64::from(k) * 0.01)).cast()));
-        assert!(Local::fit(&members, true).normal.dot(&along).abs() < 1e-6);
+        let points: Vec<_> = (0..10).map(|k| nalgebra::Point3::from((along * (f64::from(k) * 0.01)).cast())).collect();
+        crate::neighbours::each_knn(&points, 10, |near| {
+            assert!(Local::fit(near, true).normal.dot(&along).abs() < 1e-3);
+        });
     }
 }

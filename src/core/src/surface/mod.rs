@@ -22,10 +22,10 @@ pub(crate) use local::least_eigenvector;
 pub use patch::{Detail, Patch, Shape};
 pub use sampling::farthest_points;
 
-use crate::neighbours::{each_knn, unpack};
+use crate::neighbours::each_knn;
 use crate::register::cloud::{Cloud, SensorKind};
 use four::FourPatches;
-use local::{Local, Members};
+use local::Local;
 use lookup::Lookup;
 use nalgebra::{Point3, Vector3};
 use noise::PointNoise;
@@ -79,23 +79,11 @@ impl Surface {
         let noise = PointNoise::of(cloud.sensor, cloud.viewpoint, &points);
         let mut details = vec![Detail::NONE; points.len()];
         let mut steps = Vec::with_capacity(points.len());
-        let mut members = Members::default();
-        each_knn(&points, options.neighbours, |index, keys| {
-            members.clear();
-            let mut step = f32::INFINITY;
-            let Some(&point) = points.get(index as usize) else { return };
-            for (neighbour, squared) in keys.iter().map(|&key| unpack(key)) {
-                if let Some(other) = points.get(neighbour as usize) {
-                    members.push(other - point);
-                }
-                if neighbour != index {
-                    step = step.min(squared);
-                }
-            }
-            steps.push(step);
-            let local = Local::fit(&members, options.curved);
-            if let Some(detail) = details.get_mut(index as usize) {
-                *detail = Detail::new(&point, &local, noise.sigma_m(&point));
+        each_knn(&points, options.neighbours, |near| {
+            steps.push(near.nearest);
+            let point = Point3::from(near.point);
+            if let Some(detail) = details.get_mut(near.index as usize) {
+                *detail = Detail::new(&point, &Local::fit(near, options.curved), noise.sigma_m(&point));
             }
         });
         match cloud.viewpoint {
@@ -189,10 +177,7 @@ pub fn spacing_m(points: &[Point3<f32>]) -> f32 {
     let finite = |point: &&Point3<f32>| point.iter().all(|c| c.is_finite());
     let points: Vec<Point3<f32>> = points.iter().filter(finite).copied().collect();
     let mut steps = Vec::with_capacity(points.len());
-    each_knn(&points, 2, |index, keys| {
-        let others = keys.iter().map(|&key| unpack(key)).filter(|(neighbour, _)| *neighbour != index);
-        steps.push(others.map(|(_, squared)| squared).fold(f32::INFINITY, f32::min));
-    });
+    each_knn(&points, 2, |near| steps.push(near.nearest));
     spacing(steps)
 }
 
