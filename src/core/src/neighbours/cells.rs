@@ -6,7 +6,7 @@ use nalgebra::Point3;
 use wide::f32x4;
 
 /// Points whose neighbourhood is looked at to choose the cell's size.
-const SAMPLES: usize = 31;
+const SAMPLES: usize = 9;
 /// A cell's edge in radii of a typical neighbourhood: three cells on a side hold most neighbourhoods whole.
 const EDGE: f32 = 1.12;
 /// Cells there may be for each point: more (points far apart), and the tree is quicker.

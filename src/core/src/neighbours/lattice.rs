@@ -1,5 +1,7 @@
 //! A box of equal cells, and the nearest point to each of them.
 
+use wide::f32x4;
+
 /// No point.
 pub(crate) const NOBODY: u32 = u32::MAX;
 
@@ -70,39 +72,69 @@ impl Lattice {
     /// nowhere on the way is lost behind another. Measured on random clouds: in 19 cells of 20 it is the nearest, and
     /// otherwise less than two edges farther (once in thousands of clouds a little more).
     pub(crate) fn brushfire(&self, points: &[[f32; 3]]) -> Vec<u32> {
-        let mut fire = Brushfire {
-            lattice: self,
-            points,
-            nearest: vec![NOBODY; self.count()],
-            squared: vec![f32::INFINITY; self.count()],
-        };
+        let mut fire = Brushfire::new(self);
         for (point, number) in points.iter().zip(0..) {
-            fire.light(self.clamped(*point), number);
+            fire.light(self.clamped(*point), *point, f32::from_bits(number));
         }
         for _ in 0..2 {
             fire.sweep(2);
             fire.sweep(1);
             fire.sweep(0);
         }
-        fire.nearest
+        fire.number.into_iter().map(f32::to_bits).collect()
     }
 }
 
+/// Cells that are compared in one go.
+const LANES: usize = 4;
+
+/// The nearest point so far to every cell, column by column: rows beside each other are compared many cells at a time.
 struct Brushfire<'a> {
     lattice: &'a Lattice,
-    points: &'a [[f32; 3]],
-    nearest: Vec<u32>,
+    /// The middles of a row's cells along the last axis.
+    middles: Vec<f32>,
+    /// Where the nearest point is; infinitely far: there is none.
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    /// The bits of its number: they go through the same registers, and nobody reckons with them.
+    number: Vec<f32>,
     squared: Vec<f32>,
 }
 
-impl Brushfire<'_> {
+/// A point handed on.
+#[derive(Clone, Copy)]
+struct Spark {
+    place: [f32; 3],
+    number: f32,
+}
+
+impl<'a> Brushfire<'a> {
+    fn new(lattice: &'a Lattice) -> Self {
+        let [_, _, nz] = lattice.dims;
+        let far = || vec![f32::INFINITY; lattice.count()];
+        let middles = (0..nz).map(|cell| lattice.middle(2, cell)).collect();
+        Self {
+            lattice,
+            middles,
+            x: far(),
+            y: far(),
+            z: far(),
+            number: vec![f32::from_bits(NOBODY); lattice.count()],
+            squared: far(),
+        }
+    }
+
     /// Gives the cell of a place a point.
-    fn light(&mut self, [cx, cy, cz]: [usize; 3], number: u32) {
+    fn light(&mut self, [cx, cy, cz]: [usize; 3], place: [f32; 3], number: f32) {
         let [sx, sy, _] = self.lattice.strides();
         let middle = [self.lattice.middle(0, cx), self.lattice.middle(1, cy), self.lattice.middle(2, cz)];
         let cell = cx * sx + cy * sy + cz;
-        if let (Some(held), Some(squared)) = (self.nearest.get_mut(cell), self.squared.get_mut(cell)) {
-            exchange(self.points, number, middle, held, squared);
+        let columns = (self.x.get_mut(cell), self.y.get_mut(cell), self.z.get_mut(cell));
+        if let (Some(x), Some(y), Some(z)) = columns
+            && let (Some(held), Some(squared)) = (self.number.get_mut(cell), self.squared.get_mut(cell))
+        {
+            exchange(Spark { place, number }, middle, [x, y, z], held, squared);
         }
     }
 
@@ -133,18 +165,35 @@ impl Brushfire<'_> {
     fn hand_to_row(&mut self, from: [usize; 2], to: [usize; 2]) {
         let (given, taken) = (self.row(from), self.row(to));
         let [x, y] = [self.lattice.middle(0, to[0]), self.lattice.middle(1, to[1])];
-        let (lattice, points) = (self.lattice, self.points);
-        let (before, after) = self.nearest.split_at_mut(given.start.max(taken.start));
-        let (given, nearest) = if given.start < taken.start {
-            (before.get(given), after.get_mut(..taken.len()))
-        } else {
-            (after.get(..given.len()), before.get_mut(taken.clone()))
-        };
-        let (Some(given), Some(nearest), Some(squared)) = (given, nearest, self.squared.get_mut(taken)) else { return };
-        for (cell, ((&given, held), squared)) in given.iter().zip(nearest).zip(squared).enumerate() {
-            if given != *held {
-                exchange(points, given, [x, y, lattice.middle(2, cell)], held, squared);
+        let ((gx, tx), (gy, ty)) = (rows(&mut self.x, &given, &taken), rows(&mut self.y, &given, &taken));
+        let ((gz, tz), (gn, tn)) = (rows(&mut self.z, &given, &taken), rows(&mut self.number, &given, &taken));
+        let squared = self.squared.get_mut(taken).unwrap_or_default();
+        let fours =
+            (gx.as_chunks::<LANES>(), gy.as_chunks::<LANES>(), gz.as_chunks::<LANES>(), gn.as_chunks::<LANES>());
+        let ((gx, rest_gx), (gy, rest_gy), (gz, rest_gz), (gn, rest_gn)) = fours;
+        let (tx, rest_tx) = tx.as_chunks_mut::<LANES>();
+        let (ty, rest_ty) = ty.as_chunks_mut::<LANES>();
+        let (tz, rest_tz) = tz.as_chunks_mut::<LANES>();
+        let (tn, rest_tn) = tn.as_chunks_mut::<LANES>();
+        let (squared, rest_squared) = squared.as_chunks_mut::<LANES>();
+        let (middles, rest_middles) = self.middles.as_chunks::<LANES>();
+        let sparks = gx.iter().zip(gy).zip(gz).zip(gn);
+        let cells = tx.iter_mut().zip(ty).zip(tz).zip(tn).zip(squared).zip(middles);
+        let [x4, y4] = [x, y].map(f32x4::splat);
+        for ((((gx, gy), gz), gn), (((((tx, ty), tz), tn), squared), z)) in sparks.zip(cells) {
+            let [gx, gy, gz, gn] = [gx, gy, gz, gn].map(|four| f32x4::new(*four));
+            let (dx, dy, dz) = (gx - x4, gy - y4, gz - f32x4::new(*z));
+            let found = dx * dx + dy * dy + dz * dz;
+            let is_nearer = found.simd_lt(f32x4::new(*squared));
+            for (to, given) in [(tx, gx), (ty, gy), (tz, gz), (tn, gn), (squared, found)] {
+                *to = is_nearer.select(given, f32x4::new(*to)).to_array();
             }
+        }
+        let sparks = rest_gx.iter().zip(rest_gy).zip(rest_gz).zip(rest_gn);
+        let cells = rest_tx.iter_mut().zip(rest_ty).zip(rest_tz).zip(rest_tn).zip(rest_squared).zip(rest_middles);
+        for ((((gx, gy), gz), number), (((((tx, ty), tz), held), squared), z)) in sparks.zip(cells) {
+            let spark = Spark { place: [*gx, *gy, *gz], number: *number };
+            exchange(spark, [x, y, *z], [tx, ty, tz], held, squared);
         }
     }
 
@@ -152,36 +201,56 @@ impl Brushfire<'_> {
     fn along_row(&mut self, at: [usize; 2]) {
         let row = self.row(at);
         let [x, y] = [self.lattice.middle(0, at[0]), self.lattice.middle(1, at[1])];
-        let (lattice, points) = (self.lattice, self.points);
-        let (Some(nearest), Some(squared)) = (self.nearest.get_mut(row.clone()), self.squared.get_mut(row)) else {
+        let columns = (self.x.get_mut(row.clone()), self.y.get_mut(row.clone()), self.z.get_mut(row.clone()));
+        let (Some(px), Some(py), Some(pz)) = columns else { return };
+        let (Some(numbers), Some(squared)) = (self.number.get_mut(row.clone()), self.squared.get_mut(row)) else {
             return;
         };
-        let hand_on = |given: &mut u32, cell: usize, held: &mut u32, squared: &mut f32| {
-            if *given != *held {
-                exchange(points, *given, [x, y, lattice.middle(2, cell)], held, squared);
-            }
-            *given = *held;
-        };
-        let mut given = NOBODY;
-        for (cell, (held, squared)) in nearest.iter_mut().zip(squared.iter_mut()).enumerate() {
-            hand_on(&mut given, cell, held, squared);
+        let nothing = Spark { place: [f32::INFINITY; 3], number: f32::from_bits(NOBODY) };
+        let mut given = nothing;
+        let places = px.iter_mut().zip(py.iter_mut()).zip(pz.iter_mut());
+        let cells = places.zip(numbers.iter_mut()).zip(squared.iter_mut()).zip(&self.middles);
+        for (((((px, py), pz), held), squared), z) in cells {
+            exchange(given, [x, y, *z], [px, py, pz], held, squared);
+            given = Spark { place: [*px, *py, *pz], number: *held };
         }
-        given = NOBODY;
-        for (cell, (held, squared)) in nearest.iter_mut().zip(squared.iter_mut()).enumerate().rev() {
-            hand_on(&mut given, cell, held, squared);
+        given = nothing;
+        let places = px.iter_mut().zip(py).zip(pz);
+        for (((((px, py), pz), held), squared), z) in places.zip(numbers).zip(squared).zip(&self.middles).rev() {
+            exchange(given, [x, y, *z], [px, py, pz], held, squared);
+            given = Spark { place: [*px, *py, *pz], number: *held };
         }
     }
 }
 
-/// Gives a cell another point if that is nearer to its middle than the one it has.
-#[inline]
-fn exchange(points: &[[f32; 3]], given: u32, [x, y, z]: [f32; 3], held: &mut u32, squared: &mut f32) {
-    let Some([px, py, pz]) = points.get(given as usize) else { return };
-    let (dx, dy, dz) = (px - x, py - y, pz - z);
+/// Two rows of a column of cells: one to read, one to write.
+fn rows<'c, T>(
+    column: &'c mut [T],
+    given: &core::ops::Range<usize>,
+    taken: &core::ops::Range<usize>,
+) -> (&'c [T], &'c mut [T]) {
+    let (before, after) = column.split_at_mut(given.start.max(taken.start));
+    let (given, taken) = if given.start < taken.start {
+        (before.get(given.clone()), after.get_mut(..taken.len()))
+    } else {
+        (after.get(..given.len()), before.get_mut(taken.clone()))
+    };
+    (given.unwrap_or_default(), taken.unwrap_or_default())
+}
+
+/// Gives a cell another point if that is nearer to its middle than the one it has. Without a branch: which is nearer is
+/// chance.
+#[inline(always)]
+fn exchange(given: Spark, [x, y, z]: [f32; 3], [px, py, pz]: [&mut f32; 3], held: &mut f32, squared: &mut f32) {
+    let [gx, gy, gz] = given.place;
+    let (dx, dy, dz) = (gx - x, gy - y, gz - z);
     let found = dx * dx + dy * dy + dz * dz;
-    if found < *squared || (found == *squared && given < *held) {
-        (*squared, *held) = (found, given);
-    }
+    let is_nearer = found < *squared;
+    *px = if is_nearer { gx } else { *px };
+    *py = if is_nearer { gy } else { *py };
+    *pz = if is_nearer { gz } else { *pz };
+    *held = if is_nearer { given.number } else { *held };
+    *squared = if is_nearer { found } else { *squared };
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use nalgebra::Point3;
 
 /// Points whose distances are compared in one go.
-const CHUNK: usize = 64;
+const CHUNK: usize = 32;
 
 /// Farthest point sampling: first the point farthest from the centroid, then each time the one farthest from all taken
 /// so far; of equal distances the lowest index. So the first n of a longer sampling are the sampling of n.
@@ -15,10 +15,12 @@ pub fn farthest_points(points: &[Point3<f32>], n: usize) -> Vec<u32> {
     let sum = points.iter().map(|point| point.coords.cast::<f64>()).sum::<nalgebra::Vector3<f64>>();
     let mut from = Point3::from((sum / points.len().max(1) as f64).cast::<f32>());
     // From the centroid first: its distances choose the first point and count no longer.
-    let mut far = Farthest { x: &x, y: &y, z: &z, squared: vec![f32::INFINITY; points.len()] };
+    let chunks = points.chunks(CHUNK).map(Chunk::of).collect();
+    let mut far = Farthest { x: &x, y: &y, z: &z, squared: vec![f32::INFINITY; points.len()], chunks };
     let mut taken = Vec::with_capacity(n.min(points.len()));
     let mut next = far.update(&from);
     far.squared.fill(f32::INFINITY);
+    far.chunks.iter_mut().for_each(|chunk| chunk.most = f32::INFINITY);
     while taken.len() < n.min(points.len()) {
         let Some(&point) = points.get(next) else { break };
         taken.push(next as u32);
@@ -32,12 +34,36 @@ pub fn farthest_points(points: &[Point3<f32>], n: usize) -> Vec<u32> {
     taken
 }
 
+/// Where the points of a chunk are, and the greatest squared distance among them.
+struct Chunk {
+    low: Point3<f32>,
+    high: Point3<f32>,
+    most: f32,
+}
+
+impl Chunk {
+    fn of(points: &[Point3<f32>]) -> Self {
+        let (mut low, mut high) = (Point3::from([f32::INFINITY; 3]), Point3::from([f32::NEG_INFINITY; 3]));
+        for point in points {
+            (low, high) = (low.inf(point), high.sup(point));
+        }
+        Self { low, high, most: f32::INFINITY }
+    }
+
+    /// Whether a point is so far away that it lowers no distance; a little less for what rounding adds.
+    fn is_beyond(&self, from: &Point3<f32>) -> bool {
+        let gap = (self.low - from).sup(&(from - self.high)).sup(&nalgebra::Vector3::zeros());
+        gap.norm_squared() * (1.0 - 1e-5) > self.most
+    }
+}
+
 /// Squared distance of every point from the nearest taken.
 struct Farthest<'a> {
     x: &'a [f32],
     y: &'a [f32],
     z: &'a [f32],
     squared: Vec<f32>,
+    chunks: Vec<Chunk>,
 }
 
 impl Farthest<'_> {
@@ -45,15 +71,19 @@ impl Farthest<'_> {
     fn update(&mut self, from: &Point3<f32>) -> usize {
         let mut farthest = (f32::NEG_INFINITY, usize::MAX);
         let columns = self.x.chunks(CHUNK).zip(self.y.chunks(CHUNK)).zip(self.z.chunks(CHUNK));
-        for ((squared, ((x, y), z)), chunk) in self.squared.chunks_mut(CHUNK).zip(columns).zip(0usize..) {
-            let most = lower(squared, x, y, z, from);
-            if most > farthest.0 {
-                // Of equals the first: the chunk's first, and an earlier chunk's before it.
-                let at = squared.iter().position(|&s| s == most).unwrap_or(0);
-                farthest = (most, chunk * CHUNK + at);
+        let squared = self.squared.chunks_mut(CHUNK).zip(&mut self.chunks);
+        for (((squared, chunk), ((x, y), z)), number) in squared.zip(columns).zip(0usize..) {
+            if !chunk.is_beyond(from) {
+                chunk.most = lower(squared, x, y, z, from);
+            }
+            if chunk.most > farthest.0 {
+                farthest = (chunk.most, number);
             }
         }
-        farthest.1
+        // Of equals the first: an earlier chunk's before a later one's, and the chunk's first.
+        let (most, number) = farthest;
+        let within = self.squared.chunks(CHUNK).nth(number).and_then(|chunk| chunk.iter().position(|&s| s == most));
+        within.map_or(usize::MAX, |within| number * CHUNK + within)
     }
 }
 
