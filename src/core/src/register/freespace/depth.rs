@@ -16,6 +16,9 @@ const NEAREST_M: f32 = 0.3;
 /// Pixels at the image's rim of which nothing is said.
 const RIM: f32 = 2.0;
 
+/// Windows of an image at most: their numbers are whole as floats.
+const MOST_WINDOWS: usize = 1 << 24;
+
 /// What a window of pixels says.
 #[derive(Clone, Copy, Debug)]
 struct Window {
@@ -40,7 +43,8 @@ pub struct DepthMask {
 }
 
 impl DepthMask {
-    /// From an image. `None`: it has not the number of pixels it says, or is smaller than a window.
+    /// From an image. `None`: it has not the number of pixels it says, or is smaller than a window,
+    /// or larger than any camera's.
     pub fn build(view: &DepthView) -> Option<Self> {
         let (width, height) = (view.width, view.height);
         if width.checked_mul(height)? != view.z_m.len() || width < WINDOW || height < WINDOW {
@@ -51,6 +55,9 @@ impl DepthMask {
             return None;
         }
         let columns = width.div_ceil(STEP);
+        if columns * height.div_ceil(STEP) > MOST_WINDOWS {
+            return None;
+        }
         let mut windows = Vec::with_capacity(columns * height.div_ceil(STEP));
         let mut band = vec![0.0f32; width];
         for top in (0..height).step_by(STEP) {
@@ -86,7 +93,6 @@ impl DepthMask {
             & (u.simd_ge(rim) & v.simd_ge(rim))
             & (u.simd_lt(width) & v.simd_lt(height));
         let step = |pixel: f32x4| whole((pixel & in_view) * f32x4::splat(1.0 / STEP as f32));
-        // Fewer than 2²⁴ entries: their numbers are exact.
         let entries = indices(step(v) * f32x4::splat(self.columns as f32) + step(u));
         let four = entries.map(|entry| self.windows.get(entry).unwrap_or(&Window::UNKNOWN));
         let (least, middle) =
