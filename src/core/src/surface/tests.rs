@@ -50,6 +50,27 @@ fn a_plane_is_flat_faces_the_viewpoint_and_is_planar() {
 }
 
 #[test]
+fn the_rim_is_where_neighbours_lie_to_one_side() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    // A lattice of 1 cm, every point moved by up to 3 mm each way.
+    let mut away = || (rng.next_u32() as f32 / u32::MAX as f32 - 0.5) * 0.006;
+    let points = sheet(|_, _| 0.0).into_iter().map(|p| p + Vector3::new(away(), away(), 0.0)).collect();
+    let surface = Surface::build(&cloud(points, Some(Point3::origin())), &SurfaceOptions::default());
+    let (mut rim, mut inside) = ((0, 0), (0, 0));
+    for index in 0..1600 {
+        let (row, column) = (index / 40, index % 40);
+        let from_edge = row.min(column).min(39 - row).min(39 - column);
+        let of = if from_edge == 0 { &mut rim } else { &mut inside };
+        if from_edge == 0 || from_edge >= 3 {
+            *of = (of.0 + 1, of.1 + usize::from(surface.is_rim(index)));
+        }
+    }
+    // 4 × 39 of them; each is one, and none of 34² three points and more inside.
+    assert_eq!((rim, inside), ((156, 156), (1156, 0)));
+    assert!(!surface.is_rim(1600), "there is no such point");
+}
+
+#[test]
 fn a_noisy_plane_has_hardly_any_curved_patch() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let points = sheet(|_, _| 0.0).into_iter().map(|p| p + Vector3::z() * 0.003 * normal(&mut rng)).collect();
