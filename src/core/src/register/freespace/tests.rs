@@ -90,7 +90,7 @@ fn a_pixel_nobody_knows_tells_nothing_nor_does_its_neighbourhood() {
 }
 
 #[test]
-fn a_single_missed_firing_on_a_surface_is_no_sky_three_are() {
+fn a_missed_firing_on_a_surface_is_no_sky_nor_are_three_but_a_hole_is() {
     let mut ranges = plate_for_lidar();
     // Ring 20 is at 0°, column 150 at azimuth 0.
     let middle = 20 * 301 + 150;
@@ -99,6 +99,14 @@ fn a_single_missed_firing_on_a_surface_is_no_sky_three_are() {
     assert_eq!(once.look([3.0, 0.0, 0.0]).sky, 0.0);
     for side in [middle - 1, middle + 1] {
         ranges.range_m[side] = f32::INFINITY;
+    }
+    let three = RangeMask::build(&ranges).expect("an image").look([3.0, 0.0, 0.0]);
+    assert!(three.known && three.sky == 0.0, "rings above and below returned: {three:?}");
+    // Nothing within 1.4° up and down and 1.6° aside: the nearest return is 1.667° away, 8.7 cm at 3 m, and 6 cm are a hole.
+    for (ring, elevation) in ranges.elevations_rad.iter().enumerate() {
+        if elevation.abs() < 1.4f32.to_radians() {
+            ranges.range_m[ring * 301 + 142..=ring * 301 + 158].fill(f32::INFINITY);
+        }
     }
     assert_eq!(RangeMask::build(&ranges).expect("an image").look([3.0, 0.0, 0.0]).sky, 1.0);
     ranges.range_m[middle] = f32::NAN;
