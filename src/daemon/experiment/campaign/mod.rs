@@ -1,6 +1,6 @@
 //! The acceptance campaign: sets of pairs over seeds, and claims about their figures.
 //!
-//! * [`file`]: what is measured and what it must reach, a TOML file; `registration` comes with the program;
+//! * [`mod@file`]: what is measured and what it must reach, a TOML file; `registration` comes with the program;
 //! * [`claims`]: figures of pooled trials held against a claim;
 //! * [`report`]: all of it, as JSON, as a page and as a table for the documentation.
 

@@ -3,7 +3,7 @@
 use core::f32::consts::{FRAC_PI_2, PI};
 use wide::f32x4;
 
-/// Largest error of [`arc`], rad: 1/300 of a raster's cell, 5 µm at 2 m.
+/// Largest error of `arc`, rad: 1/300 of a raster's cell, 5 µm at 2 m.
 pub const ARC_ERROR: f32 = 1.2e-5;
 
 /// The angles of four (x, y) from the x axis, −π..=π, like `atan2(y, x)` with an error of at most [`ARC_ERROR`]; 0 at
