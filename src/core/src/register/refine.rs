@@ -29,8 +29,6 @@ impl Default for RefineOptions {
     }
 }
 
-/// As many points of a patch as averaging pays for: neighbours' errors are correlated (method.md §5).
-const AVERAGED: f64 = 6.0;
 /// By how much the kernel narrows from iteration to iteration.
 const NARROWING: f64 = 0.85;
 /// A probe farther than this many kernel scales from its patch belongs to no surface that was seen.
@@ -214,8 +212,7 @@ impl Residuals<'_> {
             let gradient = sphere.gradient(&x);
             let length = gradient.norm();
             let (residual, normal) = (sphere.product(&x) / length, gradient / length);
-            let averaged = patch.sigma_m * patch.sigma_m / f64::from(patch.members).clamp(1.0, AVERAGED);
-            let variance = probe.sigma_m * probe.sigma_m + averaged + patch.roughness_m * patch.roughness_m;
+            let variance = probe.sigma_m * probe.sigma_m + patch.variance();
             let falloff = 1.0 + (residual / kernel) * (residual / kernel);
             let weight = 1.0 / (falloff * falloff * variance);
             let arm = x - center;

@@ -196,7 +196,7 @@ impl Parts {
     /// The shares of points that float where the other sensor saw through, both sides together. Averted surfaces return
     /// little light and are half believed.
     pub fn violated(&self) -> f64 {
-        self.front + self.sky + self.seen_front + self.seen_sky + 0.5 * self.seen_sky_averted
+        self.in_front() + self.sky + self.seen_sky + 0.5 * self.seen_sky_averted
     }
 }
 

@@ -1,6 +1,7 @@
 //! The default method: search, judge, refine, and say how sure it is.
 
 use super::check::{CheckedPoints, check_cloud, check_prior};
+use super::freespace::FreeSpace;
 use super::freespace::rings::{Direction, Rings};
 use super::modes::{Candidate, OTHER, distinct, probabilities, sort};
 use super::refine::{Probe, RefineOptions, RefinePrior, Refined, refine};
@@ -226,12 +227,12 @@ impl Problem<'_> {
         /// A refinement that costs more than this of the score has left the place.
         const COST: f64 = 0.03;
         let noise = PointNoise::of(self.sparse.sensor, self.sparse.viewpoint, &self.probes.points);
-        let beams = beams(self.sparse, &self.probes.points);
-        let probe = |(index, point): (usize, &Point3<f32>)| match beams.get(index).copied().flatten() {
+        let rings = scorer.sparse_sights().and_then(FreeSpace::rings).zip(self.sparse.viewpoint.as_ref());
+        let probe = |point: &Point3<f32>| match rings.and_then(|(rings, from)| beam(rings, from, point)) {
             Some(beam) => Probe { point: point.cast(), sigma_m: BEAM_SCATTER_M, beam: Some(beam) },
             None => Probe { point: point.cast(), sigma_m: f64::from(noise.sigma_m(point)), beam: None },
         };
-        let probes: Vec<Probe> = self.probes.points.iter().enumerate().map(probe).collect();
+        let probes: Vec<Probe> = self.probes.points.iter().map(probe).collect();
         let to_m = match self.sparse.sensor {
             SensorKind::Lidar => 0.045,
             SensorKind::Kinect => 0.03,
@@ -296,17 +297,10 @@ impl Problem<'_> {
     }
 }
 
-/// The beam of every point of a LiDAR's cloud, and its line of sight; empty where the points do not lie on rings.
-fn beams(cloud: &Cloud, points: &[Point3<f32>]) -> Vec<Option<(usize, Vector3<f64>)>> {
-    let (SensorKind::Lidar, Some(from)) = (cloud.sensor, cloud.viewpoint) else { return Vec::new() };
-    let rays: Vec<Vector3<f32>> = points.iter().map(|point| point - from).collect();
-    let directions: Vec<Direction> = rays.iter().map(|ray| Direction::of(ray, 0.0)).collect();
-    let mean = directions.iter().map(|d| d.elevation).sum::<f64>() / directions.len().max(1) as f64;
-    let Some(rings) = Rings::find(&directions, mean) else { return Vec::new() };
-    let beam = |(ray, direction): (&Vector3<f32>, &Direction)| {
-        Some((rings.of(direction.elevation)?, ray.cast::<f64>().try_normalize(1e-6)?))
-    };
-    rays.iter().zip(&directions).map(beam).collect()
+/// The beam of a point that lies on rings, and its line of sight from the viewpoint.
+fn beam(rings: &Rings, from: &Point3<f32>, point: &Point3<f32>) -> Option<(usize, Vector3<f64>)> {
+    let ray = point - from;
+    Some((rings.of(Direction::of(&ray, 0.0).elevation)?, ray.cast::<f64>().try_normalize(1e-6)?))
 }
 
 /// The points that are spread the widest first, as many as a search uses.

@@ -153,12 +153,6 @@ impl Surface {
         FourPatches::look(&self.patches, &self.lookup, places)
     }
 
-    /// The number of the patch that [`look`](Self::look) finds.
-    #[inline]
-    pub fn look_index(&self, place: &[f32; 3]) -> Option<usize> {
-        self.lookup.index(place).filter(|index| *index < self.patches.len())
-    }
-
     /// Edge of the grid's cells, m: as asked for, or larger where the cloud is too large for such cells.
     pub fn cell_m(&self) -> f32 {
         self.lookup.cell_m()

@@ -123,14 +123,19 @@ impl Detail {
         }
     }
 
+    /// Variance of the patch along its normal, m²: noise left after averaging, and roughness.
+    pub fn variance(&self) -> f64 {
+        let averaged = self.sigma_m * self.sigma_m / f64::from(self.members).clamp(1.0, INDEPENDENT);
+        averaged + self.roughness_m * self.roughness_m
+    }
+
     /// The same in 32 bytes.
     pub fn patch(&self) -> Patch {
-        let averaged = self.sigma_m * self.sigma_m / f64::from(self.members).clamp(1.0, INDEPENDENT);
         Patch {
             p: self.anchor.coords.cast::<f32>().into(),
             a: self.curvature as f32,
             n: self.normal.cast::<f32>().into(),
-            sigma: (averaged + self.roughness_m * self.roughness_m).sqrt() as f32,
+            sigma: self.variance().sqrt() as f32,
         }
     }
 

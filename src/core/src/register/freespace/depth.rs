@@ -97,16 +97,7 @@ impl DepthMask {
         let four = entries.map(|entry| self.windows.get(entry).unwrap_or(&Window::UNKNOWN));
         let (least, middle) =
             (f32x4::new(four.map(|window| window.least)), f32x4::new(four.map(|window| window.middle)));
-        let infinity = f32x4::splat(f32::INFINITY);
-        let known = in_view & least.simd_eq(least);
-        let (is_sky, is_seen) = (known & least.simd_eq(infinity), known & least.simd_lt(infinity));
-        Sightings {
-            known,
-            front: is_seen & Depths::CAMERA.share(least - z),
-            hidden: is_seen & Depths::CAMERA.share(z - least),
-            sky: is_sky & f32x4::ONE,
-            behind_m: (is_seen & middle.simd_lt(infinity)).select(z - middle, infinity),
-        }
+        Sightings::of_image(in_view, [z, least, middle], Depths::CAMERA, f32x4::ONE)
     }
 
     #[cfg(test)]

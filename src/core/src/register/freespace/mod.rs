@@ -55,6 +55,23 @@ pub(crate) struct Sightings {
 }
 
 impl Sightings {
+    /// Of an image with its misses, where it was looked at (a mask): how far the places are, the least depth or range
+    /// around each (infinite: nothing came back; not a number: not known) and that of its own ray, m; and how much sky
+    /// counts where nothing came back.
+    #[inline(always)]
+    pub(crate) fn of_image(in_view: f32x4, [place, least, middle]: [f32x4; 3], depths: Depths, sky: f32x4) -> Self {
+        let infinity = f32x4::splat(f32::INFINITY);
+        let known = in_view & least.simd_eq(least);
+        let (is_sky, is_seen) = (known & least.simd_eq(infinity), known & least.simd_lt(infinity));
+        Self {
+            known,
+            front: is_seen & depths.share(least - place),
+            hidden: is_seen & depths.share(place - least),
+            sky: is_sky & sky,
+            behind_m: (is_seen & middle.simd_lt(infinity)).select(place - middle, infinity),
+        }
+    }
+
     /// Of the first place.
     fn first(&self) -> Sighting {
         let first = |numbers: f32x4| {
@@ -158,15 +175,11 @@ impl FreeSpace {
         self.viewpoint
     }
 
-    /// Whether it is from an image with its misses, not inferred from points.
-    pub fn is_organised(&self) -> bool {
-        matches!(self.mask, Mask::Depth(_) | Mask::Ranges(_))
-    }
-
-    /// The rings of a bare LiDAR cloud. `None`: it is none, or has no rings.
+    /// The rings that a LiDAR's points lie on: its image's, or found from bare points. `None`: it is none, or has no rings.
     pub fn rings(&self) -> Option<&rings::Rings> {
         match &self.mask {
             Mask::Lidar(mask) => mask.rings(),
+            Mask::Ranges(mask) => Some(mask.rings()),
             _ => None,
         }
     }

@@ -1,6 +1,7 @@
 //! Free space of a LiDAR's range image with its misses (method.md §3.4).
 
 use super::angle::arc;
+use super::rings::Rings;
 use super::{Depths, Sightings, graded};
 use crate::register::cloud::RangeView;
 use crate::surface::four::indices;
@@ -42,6 +43,7 @@ pub struct RangeMask {
     /// The ring of each elevation.
     ring_at: Vec<u16>,
     firings: Vec<Firings>,
+    rings: Rings,
 }
 
 impl RangeMask {
@@ -71,7 +73,16 @@ impl RangeMask {
             first_elevation,
             ring_at: (0..entries).map(ring).collect(),
             firings: firings(view, columns),
+            rings: Rings {
+                elevations_rad: view.elevations_rad.iter().copied().map(f64::from).collect(),
+                step_rad: view.azimuth_step_rad.into(),
+            },
         })
+    }
+
+    /// The image's rings.
+    pub fn rings(&self) -> &Rings {
+        &self.rings
     }
 
     /// What the LiDAR says of four places in its own frame (z up), m.
@@ -102,16 +113,8 @@ impl RangeMask {
             }
         }
         let (least, middle, away) = (f32x4::new(least), f32x4::new(middle), f32x4::new(away));
-        let infinity = f32x4::splat(f32::INFINITY);
-        let known = in_view & least.simd_eq(least);
-        let (is_sky, is_seen) = (known & least.simd_eq(infinity), known & least.simd_lt(infinity));
-        Sightings {
-            known,
-            front: is_seen & Depths::LIDAR.share(least - range),
-            hidden: is_seen & Depths::LIDAR.share(range - least),
-            sky: is_sky & graded((away * range - f32x4::splat(EDGE_M)) * f32x4::splat(1.0 / EDGE_M)),
-            behind_m: (is_seen & middle.simd_lt(infinity)).select(range - middle, infinity),
-        }
+        let sky = graded((away * range - f32x4::splat(EDGE_M)) * f32x4::splat(1.0 / EDGE_M));
+        Sightings::of_image(in_view, [range, least, middle], Depths::LIDAR, sky)
     }
 
     #[cfg(test)]
