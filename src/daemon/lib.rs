@@ -6,6 +6,7 @@
 //! * [`decoding`]: inputs and a config to decoded sensor data;
 //! * [`experiment`]: the published experiments and the acceptance campaign;
 //! * [`foxglove`]: the bridge to Foxglove and Lichtblick;
+//! * [`geometry_file`]: what reading files of points and of surfaces shares;
 //! * [`quantity`]: durations and sizes as people write them;
 //! * [`stream`]: the state stream to whoever connects;
 //! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
@@ -17,6 +18,7 @@ pub mod config;
 pub mod decoding;
 pub mod experiment;
 pub mod foxglove;
+pub mod geometry_file;
 pub mod quantity;
 pub mod schema;
 pub mod session;

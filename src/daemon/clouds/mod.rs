@@ -4,11 +4,11 @@
 mod ply;
 mod pts;
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Point3;
-use thiserror::Error;
+
+use crate::geometry_file::{GeometryError, Wrong, bytes, extension};
 
 /// The largest file, bytes.
 const LARGEST: u64 = 512 << 20;
@@ -24,50 +24,18 @@ pub struct ReadCloud {
     pub not_finite: usize,
 }
 
-/// A file that holds no cloud.
-#[derive(Debug, Error)]
-#[error("{}{}: {problem}", path.display(), line.map(|line| format!(":{line}")).unwrap_or_default())]
-pub struct CloudError {
-    /// The file.
-    pub path: PathBuf,
-    /// The line, from 1, where the file has lines and one is at fault.
-    pub line: Option<usize>,
-    /// What was found and what was expected.
-    pub problem: String,
-}
-
-/// What is wrong with a file's content.
-#[derive(Debug)]
-struct Wrong {
-    line: Option<usize>,
-    problem: String,
-}
-
-impl Wrong {
-    fn new(problem: impl Into<String>) -> Self {
-        Self { line: None, problem: problem.into() }
-    }
-}
-
 /// Reads a cloud; the name's extension says which format.
 ///
 /// # Errors
-/// [`CloudError`]: a file that cannot be read, is too large, or holds no points.
-pub fn read(path: &Path) -> Result<ReadCloud, CloudError> {
-    let failed = |wrong: Wrong| CloudError { path: path.to_owned(), line: wrong.line, problem: wrong.problem };
-    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    let parse = match extension.as_deref() {
+/// [`GeometryError`]: a file that cannot be read, is too large, or holds no points.
+pub fn read(path: &Path) -> Result<ReadCloud, GeometryError> {
+    let failed = |wrong: Wrong| wrong.in_file(path);
+    let parse = match extension(path).as_deref() {
         Some("ply") => ply::parse,
         Some("pts") => pts::parse,
         _ => return Err(failed(Wrong::new("the name of a cloud ends in .ply or .pts"))),
     };
-    let unreadable = |error: std::io::Error| failed(Wrong::new(format!("cannot be read: {error}")));
-    let length = fs::metadata(path).map_err(unreadable)?.len();
-    if length > LARGEST {
-        return Err(failed(Wrong::new(format!("{length} bytes, at most {LARGEST} expected: thin the cloud out"))));
-    }
-    let bytes = fs::read(path).map_err(unreadable)?;
-    let all = parse(&bytes).map_err(failed)?;
+    let all = parse(&bytes(path, LARGEST, "thin the cloud out")?).map_err(failed)?;
     if all.len() > MOST_POINTS {
         let problem = format!("{} points, at most {MOST_POINTS} expected: thin the cloud out", all.len());
         return Err(failed(Wrong::new(problem)));

@@ -5,8 +5,8 @@ use std::io::ErrorKind;
 
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 
-use super::Wrong;
-use crate::simulation::meshes::ply::{Other, Vertex};
+use crate::geometry_file::Wrong;
+use crate::simulation::meshes::ply::{Other, Vertex, fits, has_places};
 
 /// The vertices of a PLY; other elements before them are passed over, those after them are not looked at.
 pub(super) fn parse(bytes: &[u8]) -> Result<Vec<[f32; 3]>, Wrong> {
@@ -14,20 +14,13 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<[f32; 3]>, Wrong> {
     let mut reader = Reader::new(bytes.as_ref());
     let header = Parser::<Other>::new().read_header(&mut reader).map_err(wrong)?;
     for (name, element) in &header.elements {
-        // Every element takes a byte at least: more of them would be counted through for nothing.
-        if element.count > bytes.len() {
-            return Err(Wrong::new(format!("{} elements `{name}` in {} bytes", element.count, bytes.len())));
-        }
+        fits(name, element, bytes.len())?;
         if name != "vertex" {
             let _others: Vec<Other> =
                 Parser::new().read_payload_for_element(&mut reader, element, &header).map_err(wrong)?;
             continue;
         }
-        for axis in ["x", "y", "z"] {
-            if !element.properties.contains_key(axis) {
-                return Err(Wrong::new(format!("`vertex` has no property `{axis}`: x, y and z expected")));
-            }
-        }
+        has_places(element)?;
         let vertices: Vec<Vertex> =
             Parser::new().read_payload_for_element(&mut reader, element, &header).map_err(wrong)?;
         return Ok(vertices.into_iter().map(|vertex| vertex.0.map(|coordinate| coordinate as f32)).collect());

@@ -1,6 +1,6 @@
 //! Points of `tumbled export --format pts`: records of 24 bytes, x, y and z first, little-endian.
 
-use super::Wrong;
+use crate::geometry_file::Wrong;
 
 /// Bytes of a record.
 const RECORD: usize = 24;

@@ -1,5 +1,7 @@
 use super::*;
 use proptest::prelude::*;
+use std::fs;
+use std::path::PathBuf;
 
 fn written(name: &str, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
@@ -8,7 +10,7 @@ fn written(name: &str, bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-fn of(name: &str, bytes: &[u8]) -> Result<ReadCloud, CloudError> {
+fn of(name: &str, bytes: &[u8]) -> Result<ReadCloud, GeometryError> {
     let (_folder, path) = written(name, bytes);
     read(&path)
 }

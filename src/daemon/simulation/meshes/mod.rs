@@ -9,12 +9,12 @@ pub(crate) mod ply;
 mod stl;
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Point3;
-use thiserror::Error;
 use tumbled_sim::shape::{Material, Mesh, Triangle};
+
+use crate::geometry_file::{GeometryError, Wrong, bytes, extension};
 
 /// The largest file, bytes: a million triangles as text.
 const LARGEST: u64 = 256 << 20;
@@ -30,31 +30,6 @@ pub struct Brought {
     pub without_area: usize,
 }
 
-/// A file that holds no mesh.
-#[derive(Debug, Error)]
-#[error("{}{}: {problem}", path.display(), line.map(|line| format!(":{line}")).unwrap_or_default())]
-pub struct MeshError {
-    /// The file.
-    pub path: PathBuf,
-    /// The line, from 1, of a text file.
-    pub line: Option<usize>,
-    /// What was found and what was expected.
-    pub problem: String,
-}
-
-/// What is wrong with a file's content, and in which line if it has lines.
-#[derive(Debug)]
-struct Wrong {
-    line: Option<usize>,
-    problem: String,
-}
-
-impl Wrong {
-    fn new(problem: impl Into<String>) -> Self {
-        Self { line: None, problem: problem.into() }
-    }
-}
-
 /// Vertices, and faces of three or more of them, as a file has them.
 #[derive(Debug, Default)]
 struct Polygons {
@@ -65,23 +40,16 @@ struct Polygons {
 /// Reads a mesh; the name's extension says which format.
 ///
 /// # Errors
-/// [`MeshError`]: a file that cannot be read, is too large, or holds no surface.
-pub fn read(path: &Path) -> Result<Brought, MeshError> {
-    let failed = |wrong: Wrong| MeshError { path: path.to_owned(), line: wrong.line, problem: wrong.problem };
-    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    let parse = match extension.as_deref() {
+/// [`GeometryError`]: a file that cannot be read, is too large, or holds no surface.
+pub fn read(path: &Path) -> Result<Brought, GeometryError> {
+    let failed = |wrong: Wrong| wrong.in_file(path);
+    let parse = match extension(path).as_deref() {
         Some("obj") => obj::parse,
         Some("stl") => stl::parse,
         Some("ply") => ply::parse,
         _ => return Err(failed(Wrong::new("the name of a mesh ends in .obj, .stl or .ply"))),
     };
-    let unreadable = |error: std::io::Error| failed(Wrong::new(format!("cannot be read: {error}")));
-    let length = fs::metadata(path).map_err(unreadable)?.len();
-    if length > LARGEST {
-        let problem = format!("{length} bytes, at most {LARGEST} expected: reduce the mesh's detail");
-        return Err(failed(Wrong::new(problem)));
-    }
-    let bytes = fs::read(path).map_err(unreadable)?;
+    let bytes = bytes(path, LARGEST, "reduce the mesh's detail")?;
     parse(&bytes).and_then(surface).map_err(failed)
 }
 

@@ -1,6 +1,7 @@
 //! Wavefront `.obj`, by `tobj`.
 
-use super::{Polygons, Wrong, line_after};
+use super::{Polygons, line_after};
+use crate::geometry_file::Wrong;
 
 /// Vertices and faces of an OBJ.
 pub(super) fn parse(bytes: &[u8]) -> Result<Polygons, Wrong> {

@@ -3,9 +3,10 @@
 use std::io::ErrorKind;
 
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyAccessResult};
 
-use super::{Polygons, Wrong};
+use super::Polygons;
+use crate::geometry_file::Wrong;
 
 /// Vertices and faces of a PLY.
 pub(super) fn parse(bytes: &[u8]) -> Result<Polygons, Wrong> {
@@ -13,18 +14,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polygons, Wrong> {
     let header = Parser::<Other>::new().read_header(&mut reader).map_err(wrong)?;
     let mut polygons = Polygons::default();
     for (name, element) in &header.elements {
-        // Every element takes a byte at least: more of them would be counted through for nothing.
-        if element.count > bytes.len() {
-            let problem = format!("{} elements `{name}` in {} bytes", element.count, bytes.len());
-            return Err(Wrong::new(problem));
-        }
+        fits(name, element, bytes.len())?;
         match name.as_str() {
             "vertex" => {
-                for axis in ["x", "y", "z"] {
-                    if !element.properties.contains_key(axis) {
-                        return Err(Wrong::new(format!("`vertex` has no property `{axis}`: x, y and z expected")));
-                    }
-                }
+                has_places(element)?;
                 let vertices: Vec<Vertex> =
                     Parser::new().read_payload_for_element(&mut reader, element, &header).map_err(wrong)?;
                 polygons.vertices = vertices.into_iter().map(|vertex| vertex.0).collect();
@@ -41,6 +34,22 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polygons, Wrong> {
         }
     }
     Ok(polygons)
+}
+
+/// Whether so many elements can be there: every one takes a byte at least, and more would be counted through for nothing.
+pub(crate) fn fits(name: &str, element: &ElementDef, bytes: usize) -> Result<(), Wrong> {
+    if element.count > bytes {
+        return Err(Wrong::new(format!("{} elements `{name}` in {bytes} bytes", element.count)));
+    }
+    Ok(())
+}
+
+/// Whether the vertices have x, y and z.
+pub(crate) fn has_places(vertex: &ElementDef) -> Result<(), Wrong> {
+    match ["x", "y", "z"].into_iter().find(|axis| !vertex.properties.contains_key(*axis)) {
+        Some(axis) => Err(Wrong::new(format!("`vertex` has no property `{axis}`: x, y and z expected"))),
+        None => Ok(()),
+    }
 }
 
 fn wrong(error: ParseError) -> Wrong {

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
 
-use super::{Polygons, Wrong};
+use super::Polygons;
+use crate::geometry_file::Wrong;
 
 /// Before the triangles of a binary file: 80 bytes that mean nothing, and their number.
 const HEADER: usize = 84;

@@ -1,8 +1,9 @@
 use super::*;
 use proptest::prelude::*;
+use std::fs;
 
 /// A file of this name and content, read.
-fn read_as(name: &str, content: impl AsRef<[u8]>) -> Result<Brought, MeshError> {
+fn read_as(name: &str, content: impl AsRef<[u8]>) -> Result<Brought, GeometryError> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(name);
     fs::write(&path, content).expect("writes");
