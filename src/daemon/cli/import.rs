@@ -69,7 +69,7 @@ pub struct ImportReport {
 /// # Errors
 /// Exit code 2: an input that cannot be used, an output that is there. 1: an output that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    refuse_input_as_output(&args.output, &args.input.inputs)?;
+    refuse_input_as_output("-o", &args.output, &args.input.inputs)?;
     // A recording alone is copied with its own config, which need not be understood for that; faults name its sensors.
     let loaded =
         if args.input.is_scene() || args.faults.asked_for() { args.input.load()? } else { args.input.config.load()? };
@@ -105,15 +105,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(if report.whole { Outcome::Fine } else { Outcome::Incomplete })
 }
 
-/// An output that is an input would be emptied before it is read.
-pub(super) fn refuse_input_as_output(output: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+/// An output that is an input would be emptied before it is read; `option` is what names it.
+pub(super) fn refuse_input_as_output<'a>(
+    option: &str,
+    output: &Path,
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+) -> Result<(), Failure> {
     let Ok(output) = output.canonicalize() else { return Ok(()) };
     let inside = |input: &&PathBuf| {
         input.canonicalize().is_ok_and(|input| input == output || output.parent() == Some(input.as_path()))
     };
-    match inputs.iter().find(inside) {
+    match inputs.into_iter().find(inside) {
         Some(input) => Err(Failure::input(format!("{} is an input, it is not written to", input.display()))
-            .with_help("give -o another path")),
+            .with_help(format!("give {option} another path"))),
         None => Ok(()),
     }
 }

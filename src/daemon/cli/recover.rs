@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         (None, [first, ..]) => first.with_extension("recovered.mcap"),
         (None, []) => return Err(Failure::input("no recording is given")),
     };
-    refuse_input_as_output(&output, &args.files)?;
+    refuse_input_as_output("-o", &output, &args.files)?;
     let mut reader = Reader::open(&args.files).map_err(Failure::input)?;
     let mut header = reader.header().clone();
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();

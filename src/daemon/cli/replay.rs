@@ -101,7 +101,7 @@ pub struct ReplayReport {
 /// Exit code 2: inputs or a config that cannot be used, an output that is there. 1: an output that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     for output in [&args.record, &args.epochs].into_iter().flatten() {
-        import::refuse_input_as_output(output, &args.input.inputs)?;
+        import::refuse_input_as_output("-o", output, &args.input.inputs)?;
     }
     let loaded = args.input.load()?;
     let config = &loaded.config;

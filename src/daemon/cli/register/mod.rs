@@ -18,6 +18,7 @@ use clap::Args as ClapArgs;
 use nalgebra::Point3;
 use tumbled_core::register::{Cloud, Method, MethodOptions, RegisterError, SensorKind, View, register};
 
+use super::import::refuse_input_as_output;
 use super::{Failure, Outcome, output};
 use crate::clouds::{self, ReadCloud};
 use crate::experiment::trial::method_named;
@@ -83,12 +84,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(page) = &args.viz {
         let inputs = [Some(&args.moving), Some(&args.reference), args.init.as_ref()];
-        let same =
-            |input: &&PathBuf| page.canonicalize().is_ok_and(|page| input.canonicalize().is_ok_and(|i| i == page));
-        if let Some(input) = inputs.into_iter().flatten().find(same) {
-            let error = format!("--viz {} is an input, it is not written to", input.display());
-            return Err(Failure::input(error).with_help("give the page another name"));
-        }
+        refuse_input_as_output("--viz", page, inputs.into_iter().flatten())?;
     }
     let (moving, reference) = (read(&args.moving)?, read(&args.reference)?);
     let prior =
