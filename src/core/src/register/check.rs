@@ -17,6 +17,8 @@ pub(crate) struct CheckedPoints {
     pub(crate) points: Vec<Point3<f32>>,
     /// Their centroid, m.
     pub(crate) centroid: Point3<f64>,
+    /// Their covariance about it, m².
+    pub(crate) covariance: Matrix3<f64>,
     /// Root mean square distance from it, m.
     pub(crate) radius_m: f64,
 }
@@ -46,15 +48,16 @@ pub(crate) fn check_cloud(cloud: &Cloud, name: &'static str) -> Result<CheckedPo
     let mut covariance = Matrix3::zeros();
     for point in &points {
         let offset = point.cast::<f64>() - centroid;
-        covariance += offset * offset.transpose() / count;
+        covariance += offset * offset.transpose();
     }
+    covariance /= count;
     let mut variances: [f64; 3] = SymmetricEigen::new(covariance).eigenvalues.into();
     variances.sort_by(f64::total_cmp);
     let [_, second, largest] = variances;
     if second < LINE * largest {
         return Err(RegisterError::Collinear { cloud: name });
     }
-    Ok(CheckedPoints { points, centroid, radius_m: covariance.trace().sqrt() })
+    Ok(CheckedPoints { points, centroid, covariance, radius_m: covariance.trace().sqrt() })
 }
 
 /// Whether a prior is one: finite, with spreads above 0.

@@ -7,6 +7,7 @@
 //!          ─▶ polish the best on the score ─▶ half and quarter turns
 //! ```
 
+use super::check::CheckedPoints;
 use super::descend::{Probes, Schedule, descend};
 use super::modes::{Candidate, SAME, distinct, sort};
 use super::pose::Pose;
@@ -334,17 +335,9 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Of finite points.
-    pub(super) fn of(points: &[Point3<f32>], viewpoint: Option<&Point3<f32>>) -> Self {
-        let count = points.len().max(1) as f64;
-        let centroid =
-            Point3::from(points.iter().map(|point| point.coords.cast::<f64>()).sum::<Vector3<f64>>() / count);
-        let mut covariance = Matrix3::zeros();
-        for point in points {
-            let offset = point.cast::<f64>() - centroid;
-            covariance += offset * offset.transpose();
-        }
-        covariance /= count;
+    /// Of a cloud's points.
+    pub(super) fn of(points: &CheckedPoints, viewpoint: Option<&Point3<f32>>) -> Self {
+        let (centroid, covariance) = (points.centroid, points.covariance);
         let direction = viewpoint
             .and_then(|from| (centroid - from.cast::<f64>()).try_normalize(1e-6))
             .unwrap_or_else(Vector3::zeros);

@@ -144,8 +144,8 @@ impl Problem<'_> {
         let (points, centroid) = (spread_first(&self.probes.points), self.probes.centroid);
         let search =
             Search::new(&surface, &scorer, points, centroid, self.sparse.viewpoint, &options.search, self.workers);
-        let sparse = Sight::of(&self.probes.points, self.sparse.viewpoint.as_ref());
-        let dense = Sight::of(&self.whole.points, self.dense.viewpoint.as_ref());
+        let sparse = Sight::of(self.probes, self.sparse.viewpoint.as_ref());
+        let dense = Sight::of(self.whole, self.dense.viewpoint.as_ref());
         let found = match guess {
             None => search.everywhere(&sparse, &dense),
             Some(guess) => self.within(search.near(&guess.transform), guess),

@@ -23,11 +23,11 @@ pub use patch::{Detail, Patch, Shape};
 pub use sampling::farthest_points;
 
 use crate::neighbours::each_knn;
-use crate::register::cloud::{Cloud, SensorKind};
+use crate::register::cloud::Cloud;
 use four::FourPatches;
 use local::Local;
 use lookup::Lookup;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use noise::PointNoise;
 use wide::f32x4;
 
@@ -67,8 +67,6 @@ pub struct Surface {
     details: Vec<Detail>,
     lookup: Lookup,
     spacing_m: f32,
-    viewpoint: Option<Point3<f32>>,
-    sensor: SensorKind,
 }
 
 impl Surface {
@@ -92,8 +90,7 @@ impl Surface {
         }
         let patches: Vec<Patch> = details.iter().map(Detail::patch).collect();
         let lookup = Lookup::build(&points, options.cell_m, options.margin_m);
-        let (spacing_m, viewpoint, sensor) = (spacing(steps), cloud.viewpoint, cloud.sensor);
-        Self { points, patches, details, lookup, spacing_m, viewpoint, sensor }
+        Self { points, patches, details, lookup, spacing_m: spacing(steps) }
     }
 
     /// The finite points, m.
@@ -126,16 +123,6 @@ impl Surface {
         along.norm() > RIM * f64::from(self.spacing_m)
     }
 
-    /// Where the sensor stood.
-    pub fn viewpoint(&self) -> Option<Point3<f32>> {
-        self.viewpoint
-    }
-
-    /// What made the points.
-    pub fn sensor(&self) -> SensorKind {
-        self.sensor
-    }
-
     /// The patch near a place: the nearest to the middle of the place's cell. `None`: the place is outside the grid
     /// (farther than the margin from the points' box), or not a number.
     ///
@@ -156,12 +143,6 @@ impl Surface {
     /// Edge of the grid's cells, m: as asked for, or larger where the cloud is too large for such cells.
     pub fn cell_m(&self) -> f32 {
         self.lookup.cell_m()
-    }
-
-    /// Mean of the points; the origin where there are none.
-    pub fn centroid(&self) -> Point3<f64> {
-        let sum: Vector3<f64> = self.points.iter().map(|point| point.coords.cast::<f64>()).sum();
-        Point3::from(sum / self.points.len().max(1) as f64)
     }
 }
 

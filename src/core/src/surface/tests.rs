@@ -1,6 +1,8 @@
 //! Claims about whole surfaces.
 
 use super::*;
+use crate::register::SensorKind;
+use nalgebra::Vector3;
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
