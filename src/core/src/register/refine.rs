@@ -277,9 +277,9 @@ impl System {
 /// Independent residuals a scan of a target of 1.3 m never has more of: neighbours share a surface's roughness, a beam's
 /// bias, a pattern's error. Chosen so that the squared errors of right poses have their covariance's mean (method.md §4.5
 /// has 90 and 4, for residuals of planes without rims; ours leave out what lies beyond a surface's rim).
-const INDEPENDENT: f64 = 150.0;
+const INDEPENDENT: f64 = 250.0;
 /// Residuals for each independent one, at least.
-const LEAST_FACTOR: f64 = 1.5;
+const LEAST_FACTOR: f64 = 1.2;
 /// What no registration is better than: rotation, rad, and translation, m.
 const FLOOR: (f64, f64) = (0.3 / 180.0 * core::f64::consts::PI, 0.003);
 

@@ -12,7 +12,7 @@ use crate::surface::noise::{BEAM_SCATTER_M, PointNoise};
 use crate::surface::{Surface, SurfaceOptions, farthest_points};
 use crate::workers::Workers;
 use nalgebra::{Isometry3, Matrix6, Point3, Vector3};
-use tumbled_model::se3::{adjoint, angle_between};
+use tumbled_model::se3::{adjoint, angle_between, exp_rotation, log_rotation};
 
 /// Settings of the default method.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,10 +61,10 @@ impl Default for Acceptance {
             probability: 0.98,
             support: 0.4,
             spread_deg: 4.0,
-            violated: (0.04, 0.07),
-            sigma: (3.0, 0.03),
+            violated: (0.04, 0.08),
+            sigma: (4.5, 0.03),
             information: 1e-3,
-            residuals: 2.0,
+            residuals: 1.35,
             sights_deg: 70.0,
         }
     }
@@ -187,8 +187,8 @@ impl Problem<'_> {
         let (spread_rad, _) = search.spread(&best);
         let refined = self.refined(search, scorer, surface, &best, guess);
         let placed = refined.transform;
-        let parts = scorer.parts(&(&placed).into(), search.points(), PROBES);
         let centroid = &self.probes.centroid;
+        let parts = self.parts(search, scorer, &[placed, best.pose.isometry(centroid)]);
         let widening = self.widening(&parts);
         let alternatives = modes.iter().zip(&chances).skip(1).map(|(mode, chance)| Mode {
             t_reference_moving: mode.pose.isometry(centroid),
@@ -215,6 +215,13 @@ impl Problem<'_> {
         answer
     }
 
+    /// What lines of sight say of the answer: they contradict it only if no pose does better that is as good by the noise.
+    fn parts(&self, search: &Search<'_>, scorer: &Scorer<'_>, poses: &[Isometry3<f64>]) -> Parts {
+        let of = |pose: &Isometry3<f64>| scorer.parts(&pose.into(), search.points(), PROBES);
+        let score = |parts: &Parts| parts.score(scorer.weights());
+        poses.iter().map(of).max_by(|a, b| score(a).total_cmp(&score(b))).unwrap_or_default()
+    }
+
     /// The best candidate refined; as it was where the refinement led to what lines of sight contradict.
     fn refined(
         &self,
@@ -224,8 +231,11 @@ impl Problem<'_> {
         best: &Candidate,
         guess: Option<&RefinePrior>,
     ) -> Refined {
-        /// A refinement that costs more than this of the score has left the place.
-        const COST: f64 = 0.03;
+        /// A refinement that costs more than this of the score has left the place: the noise of a score is a third of it.
+        const COST: f64 = 0.1;
+        /// The share of the searched pose in the answer. Its errors are other ones: lines of sight feel the silhouette, the
+        /// least squares feel what lies on surfaces.
+        const SEARCHED: f64 = 0.3;
         let noise = PointNoise::of(self.sparse.sensor, self.sparse.viewpoint, &self.probes.points);
         let rings = scorer.sparse_sights().and_then(FreeSpace::rings).zip(self.sparse.viewpoint.as_ref());
         let probe = |point: &Point3<f32>| match rings.and_then(|(rings, from)| beam(rings, from, point)) {
@@ -244,7 +254,8 @@ impl Problem<'_> {
         let refined = refine(surface, &probes, viewpoint.as_ref(), &start, guess, &options);
         let score = |pose: &Isometry3<f64>| scorer.score(&pose.into(), search.points(), PROBES);
         if score(&refined.transform) >= score(&start) - COST {
-            return refined;
+            let transform = between(&refined.transform, &start, &self.probes.centroid, SEARCHED);
+            return Refined { transform, ..refined };
         }
         let here = RefineOptions { iterations: 0, from_m: to_m, ..options };
         refine(surface, &probes, viewpoint.as_ref(), &start, guess, &here)
@@ -295,6 +306,14 @@ impl Problem<'_> {
         }
         doubts
     }
+}
+
+/// From one pose a share of the way to another: the centroid's image goes straight, the rotation the shortest way.
+fn between(from: &Isometry3<f64>, to: &Isometry3<f64>, centroid: &Point3<f64>, share: f64) -> Isometry3<f64> {
+    let turn = log_rotation(&(to.rotation * from.rotation.inverse()));
+    let rotation = exp_rotation(&(turn * share)) * from.rotation;
+    let center = (from * centroid).coords.lerp(&(to * centroid).coords, share);
+    Isometry3::from_parts((center - rotation * centroid.coords).into(), rotation)
 }
 
 /// The beam of a point that lies on rings, and its line of sight from the viewpoint.

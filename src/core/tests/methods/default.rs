@@ -150,6 +150,7 @@ fn a_cloud_is_found_in_itself() {
     let pair = pair(304, 10.0);
     let answer = global(&pair.kinect, &pair.kinect);
     let (angle, length) = errors(&answer, &Isometry3::identity(), &pair.kinect);
-    // Not exactly: its points scatter about the patches that were fitted to them, and rims are left out.
-    assert!(angle < 0.15 && length < 0.002, "{angle} degrees, {length} m");
+    // Not exactly: its points scatter about the patches that were fitted to them, rims are left out, and the search, which
+    // ends at samples, has its share.
+    assert!(angle < 0.25 && length < 0.002, "{angle} degrees, {length} m");
 }
