@@ -17,6 +17,7 @@
 //! * [`register`]: two clouds of one body to the pose between them;
 //! * [`neighbours`]: who is near whom;
 //! * [`surface`]: a cloud as a surface of small spheres;
+//! * [`ukf`]: poses of a target to its motion, filtered;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -43,6 +44,7 @@ mod reorder;
 pub mod sector;
 pub mod surface;
 pub mod turntable;
+pub mod ukf;
 mod vitals;
 pub mod workers;
 
