@@ -113,10 +113,7 @@ impl Filter {
     /// sensor that is not known, and where calibration is no state, the target's pose.
     pub fn seen_by(&self, t: RigNs, sensor: usize) -> Isometry3<f64> {
         let state = sigma::mean_at(&self.setup, self.history.before(t), t);
-        let bias = match self.setup.layout.slots(sensor) {
-            Some(_) => measurement::bias(&self.setup, &state, sensor),
-            None => Vector6::zeros(),
-        };
+        let bias = measurement::bias(&self.setup, &state, sensor);
         state.target.pose * Twist::from_vector(&bias).exp()
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Unit, Vector3};
 
-/// The angular velocity has to exceed so many of its standard deviations.
+/// The angular velocity has to exceed so many of its standard deviations, of the three axes together.
 const LEAST_SIGMAS: f64 = 3.0;
 
 /// How the target spins at one instant.
@@ -32,8 +32,9 @@ impl Spin {
     pub(super) fn of(rate: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<Self> {
         let (axis, length, along, across) = split(rate, covariance)?;
         let rate_sigma_rps = libm::sqrt(along);
-        let widest = libm::sqrt(along.max(0.5 * across));
-        (length > LEAST_SIGMAS * widest).then(|| Self {
+        // Noise alone is longer than three times all its axes' deviations together once in 10⁵ times.
+        let sigma = libm::sqrt(along + across);
+        (length > LEAST_SIGMAS * sigma).then(|| Self {
             axis_rig: axis,
             rate_rps: length,
             axis_sigma_rad: libm::sqrt(across) / length,
@@ -46,8 +47,8 @@ impl Momentum {
     /// From the momentum in rig axes, of any scale, and its covariance.
     pub(super) fn of(momentum: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<Self> {
         let (axis_rig, length, along, across) = split(momentum, covariance)?;
-        let widest = libm::sqrt(along.max(0.5 * across));
-        (length > LEAST_SIGMAS * widest).then(|| Self { axis_rig, axis_sigma_rad: libm::sqrt(across) / length })
+        let sigma = libm::sqrt(along + across);
+        (length > LEAST_SIGMAS * sigma).then(|| Self { axis_rig, axis_sigma_rad: libm::sqrt(across) / length })
     }
 }
 
@@ -73,9 +74,10 @@ mod tests {
 
     #[test]
     fn below_three_sigmas_nothing_spins() {
+        // The three axes together: √3 · 1e-3.
         let covariance = Matrix3::identity() * 1e-6;
-        assert!(Spin::of(&Vector3::new(0.0029, 0.0, 0.0), &covariance).is_none());
-        assert!(Spin::of(&Vector3::new(0.0031, 0.0, 0.0), &covariance).is_some());
+        assert!(Spin::of(&Vector3::new(0.00519, 0.0, 0.0), &covariance).is_none());
+        assert!(Spin::of(&Vector3::new(0.00520, 0.0, 0.0), &covariance).is_some());
         assert!(Spin::of(&Vector3::zeros(), &covariance).is_none());
         assert!(Momentum::of(&Vector3::zeros(), &covariance).is_none());
     }

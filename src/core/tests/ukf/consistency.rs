@@ -67,7 +67,8 @@ fn extrinsics_and_lateness_are_known_as_well_as_they_say() {
         let (late_s, sigma_s) = filter.lateness(0).expect("a Kinect");
         // How late a Kinect is shows against the LiDAR only: 20 °/s times 2 ms are 0.04°, little beside their biases.
         assert!(sigma_s <= 0.002 && filter.lateness(1).is_none());
-        late += ((late_s - run.late_s[0]) / sigma_s).powi(2) / RUNS as f64;
+        let off = (late_s - run.late_s[0]) / sigma_s;
+        late += off * off / RUNS as f64;
     }
     println!("extrinsic {squares}, lateness {late}");
     // Six degrees of freedom over 24 runs: the mean's variance is 2·6/24, four standard deviations are 2.8. One: 1.15.
