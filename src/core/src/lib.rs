@@ -18,6 +18,7 @@
 //! * [`neighbours`]: who is near whom;
 //! * [`surface`]: a cloud as a surface of small spheres;
 //! * [`ukf`]: poses of a target to its motion, filtered;
+//! * [`track`]: one frame after another to a growing model of the body;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -43,6 +44,7 @@ pub mod register;
 mod reorder;
 pub mod sector;
 pub mod surface;
+pub mod track;
 pub mod turntable;
 pub mod ukf;
 mod vitals;

@@ -18,14 +18,13 @@ mod orient;
 pub mod patch;
 pub mod sampling;
 
-pub(crate) use local::least_eigenvector;
+pub(crate) use local::{Local, least_eigenvector};
 pub use patch::{Detail, Patch, Shape};
 pub use sampling::farthest_points;
 
 use crate::neighbours::each_knn;
 use crate::register::cloud::Cloud;
 use four::FourPatches;
-use local::Local;
 use lookup::Lookup;
 use nalgebra::Point3;
 use noise::PointNoise;

@@ -1,0 +1,266 @@
+//! The model of the target that grows while it is tracked: how points are fused into surfels (method.md §7, 3b).
+
+use super::bins::Bins;
+use super::surfels::Surfels;
+use super::voxels::{self, Voxels};
+use crate::surface::least_eigenvector;
+use nalgebra::{Point3, Vector3};
+use tumbled_model::RigNs;
+
+/// Surfels at most: 13 mm apart they cover 34 m², more than all sides of a body of 2 m; 18 MB with what belongs to them.
+pub const MOST_SURFELS: usize = 200_000;
+/// How far from the target's origin the model reaches, m: a body of 5 m, wherever in it the origin is taken.
+pub const MODEL_REACH_M: f64 = 4.5;
+
+/// A point moves a surfel that is nearer along the surface than this, m.
+const SAME_M: f64 = 0.011;
+/// One nearer than this, m, but not so near, is too near to make another; it is dropped.
+const APART_M: f64 = 0.013;
+/// Off a surfel along its normal a point may be this, m, or this many σ.
+const OFF_M: f64 = 0.018;
+const OFF_SIGMAS: f64 = 2.5;
+/// Facing the same way: the least cosine of the normals. The sides of a panel 15 mm thick are told apart by it.
+const SAME_FACING: f64 = 0.5;
+/// The farthest gate, m, however noisy the point.
+const MOST_OFF_M: f64 = 0.06;
+/// Surfels that give a surfel its normal: so near, m, the cosine of their normals at least this, so many, of no greater
+/// weight each than this, 1/m².
+const PATCH_M: f32 = 0.032;
+const PATCH_FACING: f64 = 0.35;
+const PATCH_LEAST: u32 = 6;
+const PATCH_WEIGHT: f64 = 2e5;
+/// A patch whose second spread is less than this share of its first is a line, and has no normal.
+const LINE: f64 = 0.1;
+/// Every normal is made anew once in so many insertions; in the first ones sooner, for they are of single frames.
+const RENEWED_IN: usize = 30;
+const RENEWED_EARLY_IN: usize = 6;
+const EARLY: usize = 40;
+
+/// A point as it is inserted, target's frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Observed {
+    pub(super) place: Point3<f64>,
+    /// Unit, out of the body.
+    pub(super) normal: Vector3<f64>,
+    /// m.
+    pub(super) sigma_m: f64,
+}
+
+/// What becomes of a point.
+enum Fate {
+    Moves(usize),
+    Dropped,
+    New,
+}
+
+/// The surfels, and the memory their growth needs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Model {
+    pub(super) surfels: Surfels,
+    insertions: usize,
+    refused: u64,
+    bins: Bins,
+    /// Σ w and Σ w r of this insertion, surfel by surfel.
+    moves: Vec<(f64, f64)>,
+    fresh: Vec<Observed>,
+}
+
+/// Sums of the points that make one surfel together.
+#[derive(Clone, Copy, Default)]
+struct Seed {
+    weight: f64,
+    place: Vector3<f64>,
+    normal: Vector3<f64>,
+}
+
+impl Model {
+    /// Points that would have made a surfel too far out or too many.
+    pub(super) fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Insertions so far.
+    pub(super) fn insertions(&self) -> usize {
+        self.insertions
+    }
+
+    /// Takes the points of a frame, of which the noisiest has a σ of `noisiest` m. The same points in the same order make
+    /// the same model.
+    pub(super) fn insert(&mut self, points: impl Iterator<Item = Observed>, noisiest: f64, t: RigNs) {
+        self.bins.fill(places(&self.surfels), reach_m(gate_m(noisiest)));
+        self.moves.clear();
+        self.moves.resize(self.surfels.len(), (0.0, 0.0));
+        self.fresh.clear();
+        for point in points {
+            match self.fate(&point) {
+                Fate::Moves(surfel) => self.pull(surfel, &point),
+                Fate::Dropped => {}
+                Fate::New => self.fresh.push(point),
+            }
+        }
+        self.apply(t);
+        self.add(t);
+        self.insertions += 1;
+        self.renew();
+    }
+
+    /// Which surfel a point belongs to: of those that face as it does and are near enough along the normal the one nearest
+    /// along the surface.
+    fn fate(&self, point: &Observed) -> Fate {
+        let gate = gate_m(point.sigma_m);
+        let reach = reach_m(gate);
+        let mut best = (APART_M * APART_M, usize::MAX);
+        self.bins.within(place(&point.place), reach * reach, |surfel| {
+            let columns = (self.surfels.positions.get(surfel), self.surfels.normals.get(surfel));
+            let (Some(position), Some(normal)) = columns else { return };
+            if normal.dot(&point.normal) < SAME_FACING {
+                return;
+            }
+            let offset = point.place - position;
+            let along = offset.dot(normal);
+            let aside = offset.norm_squared() - along * along;
+            if along.abs() < gate && (aside, surfel) < best {
+                best = (aside, surfel);
+            }
+        });
+        match best {
+            (_, usize::MAX) => Fate::New,
+            (aside, surfel) if aside < SAME_M * SAME_M => Fate::Moves(surfel),
+            _ => Fate::Dropped,
+        }
+    }
+
+    fn pull(&mut self, surfel: usize, point: &Observed) {
+        let columns =
+            (self.surfels.positions.get(surfel), self.surfels.normals.get(surfel), self.moves.get_mut(surfel));
+        if let (Some(position), Some(normal), Some((weight, pull))) = columns {
+            let w = 1.0 / (point.sigma_m * point.sigma_m);
+            *weight += w;
+            *pull += w * (point.place - position).dot(normal);
+        }
+    }
+
+    /// Moves surfels along their normals to the mean of all that was measured of them.
+    fn apply(&mut self, t: RigNs) {
+        let Surfels { positions, normals, weights, last_seen } = &mut self.surfels;
+        let rows = positions.iter_mut().zip(normals).zip(weights).zip(last_seen).zip(&self.moves);
+        for ((((position, normal), held), seen), (weight, pull)) in rows {
+            if *weight > 0.0 {
+                *held += weight;
+                *position += *normal * (pull / *held);
+                *seen = t;
+            }
+        }
+    }
+
+    /// One surfel for the new points of each voxel and facing.
+    fn add(&mut self, t: RigNs) {
+        let mut voxels = Voxels::with_capacity(self.fresh.len());
+        let mut seeds: Vec<Seed> = Vec::new();
+        for Observed { place, normal, sigma_m } in &self.fresh {
+            let Some(number) = voxels.number(voxels::key(place, APART_M, facing(normal))) else { continue };
+            if number == seeds.len() {
+                seeds.push(Seed::default());
+            }
+            if let Some(seed) = seeds.get_mut(number) {
+                let weight = 1.0 / (sigma_m * sigma_m);
+                seed.weight += weight;
+                seed.place += place.coords * weight;
+                seed.normal += normal * weight;
+            }
+        }
+        for seed in seeds {
+            let place = seed.place / seed.weight;
+            let Some(normal) = seed.normal.try_normalize(1e-9) else { continue };
+            // Not so for what is no number either.
+            let is_near = place.norm() <= MODEL_REACH_M;
+            if !is_near || self.surfels.len() >= MOST_SURFELS {
+                self.refused += 1;
+                continue;
+            }
+            self.surfels.positions.push(place.into());
+            self.surfels.normals.push(normal);
+            self.surfels.weights.push(seed.weight);
+            self.surfels.last_seen.push(t);
+        }
+    }
+
+    /// Makes some of the normals anew from where the surfels lie now: another share of them at every insertion.
+    fn renew(&mut self) {
+        let period = if self.insertions <= EARLY { RENEWED_EARLY_IN } else { RENEWED_IN };
+        self.bins.fill(places(&self.surfels), PATCH_M);
+        for surfel in (self.insertions % period..self.surfels.len()).step_by(period) {
+            if let Some(normal) = self.patch_normal(surfel)
+                && let Some(to) = self.surfels.normals.get_mut(surfel)
+            {
+                *to = normal;
+            }
+        }
+    }
+
+    /// The normal of the surfels around one that face as it does. `None`: too few, or all along a line.
+    fn patch_normal(&self, surfel: usize) -> Option<Vector3<f64>> {
+        let (middle, own) = (self.surfels.positions.get(surfel)?, self.surfels.normals.get(surfel)?);
+        let (mut count, mut weight, mut sum, mut square) = (0, 0.0, Vector3::zeros(), [0.0; 6]);
+        self.bins.within(place(middle), PATCH_M * PATCH_M, |other| {
+            let columns =
+                (self.surfels.positions.get(other), self.surfels.normals.get(other), self.surfels.weights.get(other));
+            let (Some(position), Some(normal), Some(held)) = columns else { return };
+            if normal.dot(own) <= PATCH_FACING {
+                return;
+            }
+            let (offset, w) = (position - middle, held.min(PATCH_WEIGHT));
+            count += 1;
+            weight += w;
+            sum += offset * w;
+            let [x, y, z] = offset.into();
+            for (entry, term) in square.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
+                *entry += term * w;
+            }
+        });
+        if count < PATCH_LEAST {
+            return None;
+        }
+        let [x, y, z] = (sum / weight).into();
+        for (entry, mean) in square.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
+            *entry = *entry / weight - mean;
+        }
+        let ([_, second, first], normal) = least_eigenvector(square);
+        if second < LINE * first {
+            return None;
+        }
+        Some(if normal.dot(own) < 0.0 { -normal } else { normal })
+    }
+}
+
+/// How far off a surfel a point of a σ may be, m.
+fn gate_m(sigma_m: f64) -> f64 {
+    OFF_M.max(OFF_SIGMAS * sigma_m).min(MOST_OFF_M)
+}
+
+/// How far a surfel can be from a point within its gate, m.
+fn reach_m(gate: f64) -> f32 {
+    (gate * gate + APART_M * APART_M).sqrt() as f32
+}
+
+/// Which of the six axis directions a normal is nearest to, 0..6; of equals the first.
+fn facing(normal: &Vector3<f64>) -> u8 {
+    let [x, y, z] = [normal.x.abs(), normal.y.abs(), normal.z.abs()];
+    let (axis, along) = match (x >= y && x >= z, y >= z) {
+        (true, _) => (0, normal.x),
+        (false, true) => (1, normal.y),
+        _ => (2, normal.z),
+    };
+    2 * axis + u8::from(along > 0.0)
+}
+
+fn places(surfels: &Surfels) -> impl Iterator<Item = [f32; 3]> + Clone {
+    surfels.positions.iter().map(place)
+}
+
+fn place(point: &Point3<f64>) -> [f32; 3] {
+    point.coords.cast::<f32>().into()
+}
+
+#[cfg(test)]
+mod tests;
