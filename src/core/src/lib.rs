@@ -16,6 +16,7 @@
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
 //! * [`register`]: two clouds of one body to the pose between them;
 //! * [`neighbours`]: who is near whom;
+//! * [`segment`]: which points are the target's;
 //! * [`surface`]: a cloud as a surface of small spheres;
 //! * [`ukf`]: poses of a target to its motion, filtered;
 //! * [`track`]: one frame after another to a growing model of the body;
@@ -43,6 +44,7 @@ mod reasons;
 pub mod register;
 mod reorder;
 pub mod sector;
+pub mod segment;
 pub mod surface;
 pub mod track;
 pub mod turntable;
