@@ -20,6 +20,7 @@
 //! * [`surface`]: a cloud as a surface of small spheres;
 //! * [`ukf`]: poses of a target to its motion, filtered;
 //! * [`track`]: one frame after another to a growing model of the body;
+//! * [`evaluate`]: estimates held against the truth;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -33,6 +34,7 @@ mod channel;
 pub mod clock;
 pub mod config;
 pub mod epoch;
+pub mod evaluate;
 pub mod health;
 mod kinect;
 mod lidar;
