@@ -47,6 +47,7 @@ mod stream_limits;
 mod stream_protocol;
 mod stream_sockets;
 mod support;
+mod telemetry;
 mod turntable_faults;
 mod turntable_live;
 #[cfg(feature = "kinect-usb")]

@@ -77,9 +77,12 @@ fn the_documentation_of_the_files_people_write_has_every_key() {
 }
 
 #[test]
-#[ignore = "writes the schemas anew"]
+#[ignore = "writes the schemas and the telemetry's layout anew"]
 fn regenerate() {
     for published in all() {
         fs::write(repository().join(published.file), published.text()).expect("writes a schema");
+    }
+    for (file, text) in crate::telemetry::generated() {
+        fs::write(repository().join(file), text).expect("writes the telemetry's layout");
     }
 }

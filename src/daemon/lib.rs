@@ -9,6 +9,7 @@
 //! * [`geometry_file`]: what reading files of points and of surfaces shares;
 //! * [`quantity`]: durations and sizes as people write them;
 //! * [`stream`]: the state stream to whoever connects;
+//! * [`telemetry`]: the state as UDP datagrams;
 //! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
 #![forbid(unsafe_code)]
 
@@ -24,3 +25,4 @@ pub mod schema;
 pub mod session;
 pub mod simulation;
 pub mod stream;
+pub mod telemetry;
