@@ -7,6 +7,7 @@ mod config_layers;
 mod config_session;
 mod emulated_stage;
 mod endless_scenes;
+mod evaluate_cli;
 mod experiment_cli;
 mod export_cli;
 mod export_losses;

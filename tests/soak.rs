@@ -173,7 +173,8 @@ fn spawn_core(
     let config = tumbled::config::load(None, &[]).expect("the built-in config").config;
     let core = setup::core_config(&config).expect("a core");
     let mut engine = Engine::new(core, String::new(), Workers::none(), engine::interpreter(&config, false));
-    let audience = Audience { stream: server.publisher(), max_cloud_points: CLOUD_POINTS, viewers: None };
+    let audience =
+        Audience { stream: server.publisher(), max_cloud_points: CLOUD_POINTS, viewers: None, telemetry: None };
     let unix_at_zero = UnixNs(START_UNIX_S * SECOND);
     let mut publish = Publish::new(StreamOrigin::Simulated, unix_at_zero, Some(audience));
     let work = move || {
@@ -182,7 +183,7 @@ fn spawn_core(
         for event in events {
             let step = engine.step(&event);
             watch.step(&step);
-            publish.step(&step, shell);
+            publish.step(&step, shell, None);
             if let Some(checkpoint) = &step.checkpoint {
                 // At full speed more come than a session has: what does not fit is left out, as there.
                 results.put(&kind, checkpoint.to_message());
@@ -193,7 +194,7 @@ fn spawn_core(
         }
         let last = engine.finish();
         watch.step(&last);
-        publish.step(&last, shell);
+        publish.step(&last, shell, None);
         publish.stop();
         (watch, engine)
     };

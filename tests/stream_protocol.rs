@@ -18,7 +18,7 @@ fn hello_comes_first_and_says_what_the_numbers_mean() {
     let told: Hello = serde_json::from_str(&line).expect("a HELLO");
     assert_eq!(told, hello());
     let line: serde_json::Value = serde_json::from_str(&line).expect("JSON");
-    assert_eq!(line["classes"], json!(["HELLO", "HEALTH", "CLOUD", "EVENT", "ERROR"]));
+    assert_eq!(line["classes"], json!(["HELLO", "STATE", "HEALTH", "CLOUD", "EVENT", "ERROR"]));
     assert_eq!((&line["origin"], &line["unix_ns"]), (&json!("simulated"), &json!("1795341600000000000")));
     assert_eq!((&line["seq"], &line["dropped"]), (&json!(0), &json!(0)));
 }

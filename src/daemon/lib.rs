@@ -4,6 +4,7 @@
 //! * [`clouds`]: files of points;
 //! * [`config`]: one TOML file to a checked rig;
 //! * [`decoding`]: inputs and a config to decoded sensor data;
+//! * [`evaluation`]: the states of a session held against the truth;
 //! * [`experiment`]: the published experiments and the acceptance campaign;
 //! * [`foxglove`]: the bridge to Foxglove and Lichtblick;
 //! * [`geometry_file`]: what reading files of points and of surfaces shares;
@@ -17,6 +18,7 @@ pub mod cli;
 pub mod clouds;
 pub mod config;
 pub mod decoding;
+pub mod evaluation;
 pub mod experiment;
 pub mod foxglove;
 pub mod geometry_file;

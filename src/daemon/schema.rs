@@ -61,6 +61,7 @@ pub fn outputs() -> Vec<Published> {
             file: "docs/schema/register.schema.json",
             schema: schema_for!(crate::cli::register::report::RegisterReport),
         },
+        Published { file: "docs/schema/evaluate.schema.json", schema: schema_for!(crate::evaluation::EvaluateReport) },
         Published {
             file: "docs/schema/experiment-registration.schema.json",
             schema: schema_for!(crate::experiment::registration::ExperimentReport),
@@ -87,6 +88,7 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/stream-health.schema.json", schema: schema_for!(Sent<stream::HealthLine>) },
         Published { file: "docs/schema/stream-error.schema.json", schema: schema_for!(Sent<stream::ErrorLine>) },
         Published { file: "docs/schema/stream-event.schema.json", schema: schema_for!(Sent<stream::EventLine>) },
+        Published { file: "docs/schema/stream-state.schema.json", schema: schema_for!(Sent<stream::StateLine>) },
         Published { file: "docs/schema/stream-cloud.schema.json", schema: schema_for!(Sent<stream::CloudLine>) },
         Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },
     ]

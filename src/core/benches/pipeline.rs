@@ -35,6 +35,7 @@ fn config() -> CoreConfig {
         turntables: Vec::new(),
         roi: RegionOfInterest { center: Point::new(2.0, 0.0, 0.0), radius_m: 1.2 },
         timing: Timing::default(),
+        estimate: Default::default(),
         ignore_skips: false,
     }
 }

@@ -1,6 +1,7 @@
 //! What the core has to know of the rig, typed and checked: the shell makes it from the config and its files.
 
 use crate::clock::ClockMode;
+use crate::estimate::EstimateSettings;
 use tumbled_kinect::{BackProjector, DepthTable};
 use tumbled_model::{Iso, Kinect, Lidar, Point, Rig, SensorId, Span};
 use tumbled_velodyne::stream::Settings;
@@ -18,6 +19,8 @@ pub struct CoreConfig {
     pub roi: RegionOfInterest,
     /// How sensors are put on one timeline.
     pub timing: Timing,
+    /// How the target's motion is estimated.
+    pub estimate: EstimateSettings,
     /// Whether scans shed by a live session are used all the same: for the best result offline.
     pub ignore_skips: bool,
 }

@@ -3,6 +3,7 @@
 //! ```text
 //!   Event ─▶ pipeline ─▶ lidar:  decode ─ clock ─ reorder ─ assemble ─┐
 //!               │        kinect: decode ─ clock ──────────────────────┴▶ align ─▶ epochs
+//!               │                                    epochs ─▶ estimate ─▶ the target's states
 //!               │        turntable: line ─ angle, truth ─▶ samples
 //!               └──────▶ beat: states, health, notices
 //! ```
@@ -14,12 +15,11 @@
 //! * [`turntable`]: where a turntable was, and whether that is truth;
 //! * [`cga`]: points, planes, spheres and motors of conformal geometric algebra;
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
+//! * [`estimate`]: epochs to the target's state; [`segment`]: its points; [`track`]: its model; [`ukf`]: its motion;
 //! * [`register`]: two clouds of one body to the pose between them;
 //! * [`neighbours`]: who is near whom;
 //! * [`segment`]: which points are the target's;
 //! * [`surface`]: a cloud as a surface of small spheres;
-//! * [`ukf`]: poses of a target to its motion, filtered;
-//! * [`track`]: one frame after another to a growing model of the body;
 //! * [`evaluate`]: estimates held against the truth;
 //! * [`workers`]: the threads it may use.
 #![forbid(unsafe_code)]
@@ -34,6 +34,7 @@ mod channel;
 pub mod clock;
 pub mod config;
 pub mod epoch;
+pub mod estimate;
 pub mod evaluate;
 pub mod health;
 mod kinect;

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   Event ─┬─ LidarPacket ─▶ LidarChannel ──┐
-//!          ├─ DepthFrame ──▶ KinectChannel ─┼─ epochs ─▶ Aligner ─▶ Outputs::epochs
+//!          ├─ DepthFrame ──▶ KinectChannel ─┼─ epochs ─▶ Aligner ─▶ Outputs::epochs ─▶ Estimator ─▶ Outputs::states
 //!          ├─ SerialChunk ─▶ TurntableChannel ─ samples ──────────▶ Outputs::turntable
 //!          ├─ Tick ────────▶ Beat ──────────┴─ states, health ────▶ Outputs::{notices, health}
 //!          └─ Anchor, Command, Config
@@ -15,6 +15,7 @@ use crate::channel::Channels;
 use crate::clock::WallClock;
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud};
+use crate::estimate::{Estimator, TargetState};
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
@@ -27,6 +28,8 @@ use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
 pub struct Outputs {
     /// Epochs, in their order.
     pub epochs: Vec<Epoch>,
+    /// The target after each of the epochs, in the same order.
+    pub states: Vec<TargetState>,
     /// Things that happened, in the order of their times.
     pub notices: Vec<Notice>,
     /// Health, once a second of the session's time.
@@ -41,6 +44,7 @@ impl Outputs {
     /// Forgets what was given out; its memory goes back to the core at the next step.
     pub fn clear(&mut self) {
         self.done.append(&mut self.epochs);
+        self.states.clear();
         self.notices.clear();
         self.health.clear();
         self.turntable.clear();
@@ -58,6 +62,7 @@ pub struct Pipeline {
     channels: Channels,
     boundaries: ScanBoundaries,
     aligner: Aligner,
+    estimator: Estimator,
     beat: Beat,
     states: Vec<SensorState>,
     observer: Observer,
@@ -79,6 +84,7 @@ impl Pipeline {
         Self {
             boundaries: ScanBoundaries::new(&config),
             aligner: Aligner::new(sensors, config.kinects.len() + config.lidars.len(), config.timing.hold),
+            estimator: Estimator::new(&config),
             beat: Beat::new(sensors),
             states: vec![SensorState::Absent; sensors],
             observer: Observer::default(),
@@ -100,6 +106,7 @@ impl Pipeline {
         self.channels.configure(&config);
         self.boundaries = ScanBoundaries::new(&config);
         self.aligner.set_hold(config.timing.hold);
+        self.estimator.configure(&config);
         self.config = config;
         self.note_session(NoticeKind::Configured, Gravity::Info, "the config was changed".to_owned());
     }
@@ -127,6 +134,7 @@ impl Pipeline {
             _ => {}
         }
         self.aligner.release(&mut out.epochs, &mut out.done);
+        self.estimate(out);
     }
 
     /// The ledger has ended: gives out what was waiting for more.
@@ -140,6 +148,7 @@ impl Pipeline {
             self.collect(channel, self.now, false);
         }
         self.aligner.finish(&mut out.epochs, &mut out.done);
+        self.estimate(out);
         self.notices.release(RigNs(i64::MAX), &mut out.notices);
     }
 
@@ -152,6 +161,14 @@ impl Pipeline {
     pub fn sensors(&self) -> Vec<SensorHealth> {
         let at = RigNs(self.now.0.saturating_add(1));
         (0..self.channels.len()).filter_map(|channel| self.channels.health(channel, at)).collect()
+    }
+
+    /// The target after every epoch that was given out since.
+    fn estimate(&mut self, out: &mut Outputs) {
+        let (epochs, states) = (&out.epochs, &mut out.states);
+        for epoch in epochs.get(states.len()..).unwrap_or_default() {
+            states.push(self.estimator.take(epoch, &self.workers));
+        }
     }
 
     /// Lets a sensor's channel have its event, and passes its epochs on.

@@ -12,6 +12,7 @@ pub mod config;
 pub mod devices;
 pub mod diff;
 pub mod doctor;
+pub mod evaluate;
 pub mod experiment;
 pub mod export;
 pub mod failure;
@@ -93,6 +94,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Find the pose between two clouds of one target, how sure it is, and whether it may be used.
     Register(register::Args),
+    /// Hold a session's states against the truth: errors, and whether the stated uncertainty holds.
+    Evaluate(evaluate::Args),
     /// Repeat the published experiments, on simulated sensors or a recording.
     #[command(subcommand)]
     Experiment(experiment::Command),
@@ -128,6 +131,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Verify(args) => verify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Register(args) => register::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
         Command::Experiment(command) => experiment::run(command),
         Command::Campaign(args) => campaign::run(&args),
         Command::Recover(args) => recover::run(&args),

@@ -17,12 +17,11 @@ use tumbled_sim::faults::FaultTruth;
 use super::{Failure, FaultArgs, InputArgs, Outcome, import, output, signals};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
-use crate::session::chain::rig_digest;
-use crate::session::pace::Waited;
+use crate::session::play::{Listener, play};
 use crate::session::serve::{About, Server};
-use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, engine, lines::EpochLine, setup};
+use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, lines::EpochLine};
 use crate::simulation::faults;
-use crate::stream::{ShellHealth, StreamOrigin};
+use crate::stream::{ShellHealth, StateLine, StreamOrigin};
 
 /// What `replay` is asked for.
 #[derive(Debug, ClapArgs)]
@@ -39,7 +38,10 @@ pub struct Args {
     /// `max`, or how many times as fast as it was recorded.
     #[arg(long, default_value = "max", value_name = "SPEED")]
     speed: Speed,
-    /// Write a JSON line for each epoch (`-` = stdout).
+    /// Write the target's state after each epoch, a STATE line each (`-` = stdout).
+    #[arg(short, long, value_name = "STATE.jsonl")]
+    output: Option<PathBuf>,
+    /// Write a JSON line for each epoch's time and points (`-` = stdout).
     #[arg(long, value_name = "FILE.jsonl")]
     epochs: Option<PathBuf>,
     /// Record what is replayed, with checkpoints that `tumbled verify` compares with.
@@ -81,7 +83,7 @@ pub struct ReplayReport {
     pub epoch_unix_ns: Option<String>,
     /// Rig time that was replayed, s.
     pub duration_s: f64,
-    /// One hash over the epochs, notices and health: equal for a live session and its replay.
+    /// One hash over the epochs, states, notices and health: equal for a live session and its replay.
     pub digest: String,
     /// The chain's values at the end.
     pub checkpoint: Checkpoint,
@@ -100,18 +102,13 @@ pub struct ReplayReport {
 /// # Errors
 /// Exit code 2: inputs or a config that cannot be used, an output that is there. 1: an output that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    for output in [&args.record, &args.epochs].into_iter().flatten() {
+    for output in [&args.record, &args.epochs, &args.output].into_iter().flatten() {
         import::refuse_input_as_output("-o", output, &args.input.inputs)?;
     }
     let loaded = args.input.load()?;
-    let config = &loaded.config;
-    let mut core = setup::core_config(config)?;
-    core.ignore_skips = args.ignore_skips;
-    let inputs = Inputs::open_ledger(&args.input.inputs, config, args.threads)?;
-    let mut inputs = args.faults.inject(inputs, config)?;
-    let interpreter = engine::interpreter(config, args.ignore_skips);
-    let rig = rig_digest(&show::text(&loaded.tree, false), &config.attachments());
-    let mut engine = Engine::new(core, rig, engine::workers(args.threads)?, interpreter);
+    let mut engine = Engine::of_config(&loaded, args.ignore_skips, args.threads)?;
+    let inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config, args.threads)?;
+    let mut inputs = args.faults.inject(inputs, &loaded.config)?;
     let stop = signals::stop_token()?;
     let mut sinks = Sinks::open(args, &loaded, &inputs)?;
     let finished = play(&mut inputs, &mut engine, &mut sinks, &mut Pace::new(args.speed, stop))?;
@@ -122,39 +119,52 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         output::json(&report)?;
     } else if args.digest {
         output::text(&format!("{}\n", report.digest))?;
-    } else if args.epochs.as_deref() != Some(Path::new("-")) {
+    } else if ![&args.epochs, &args.output].into_iter().flatten().any(|path| path == Path::new("-")) {
         output::text(&text(&report))?;
     }
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 
-/// Every event through the core; false when a stop came before the end.
-fn play(inputs: &mut Inputs, engine: &mut Engine, sinks: &mut Sinks, pace: &mut Pace) -> Result<bool, Failure> {
-    while let Some(event) = inputs.next_event()? {
-        loop {
-            match pace.wait(event.arrived, sinks.until_sync()) {
-                Waited::Due => break,
-                Waited::NotYet => {}
-                Waited::Stopped => return Ok(false),
-            }
-        }
-        sinks.record(&event);
-        sinks.take(&engine.step(&event))?;
-    }
-    sinks.take(&engine.finish())?;
-    sinks.checkpoint(&engine.checkpoint());
-    Ok(true)
-}
-
 /// Where the results go.
 struct Sinks {
     epochs: Option<Box<dyn Write>>,
+    states: Option<Box<dyn Write>>,
+    origin: StreamOrigin,
     recorder: Option<Recorder>,
     checkpoints: ResultKind,
     began: Instant,
     next_sync: Instant,
     server: Option<Server>,
     publish: Publish,
+}
+
+impl Listener for Sinks {
+    fn event(&mut self, event: &Event) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.write(event);
+        }
+    }
+
+    fn step(&mut self, step: &Step<'_>) -> Result<(), Failure> {
+        self.take(step)
+    }
+
+    fn end(&mut self, checkpoint: &Checkpoint) {
+        self.checkpoint(checkpoint);
+    }
+
+    /// Syncs the recording if it is time, by this machine's clock whatever the replay's speed, as a live recording is:
+    /// a kill costs a second.
+    fn patience(&mut self) -> Duration {
+        let Some(recorder) = &mut self.recorder else { return Duration::MAX };
+        let left = self.next_sync.saturating_duration_since(Instant::now());
+        if !left.is_zero() {
+            return left;
+        }
+        recorder.sync();
+        self.next_sync = Instant::now() + SYNC_EVERY;
+        SYNC_EVERY
+    }
 }
 
 impl Sinks {
@@ -173,8 +183,11 @@ impl Sinks {
             None => None,
         };
         let epochs = args.epochs.as_deref().map(writer).transpose()?;
+        let states = args.output.as_deref().map(writer).transpose()?;
         Ok(Self {
             epochs,
+            states,
+            origin: about.origin,
             recorder,
             checkpoints: Checkpoint::kind(),
             began: Instant::now(),
@@ -192,13 +205,20 @@ impl Sinks {
                 writeln!(epochs, "{line}").map_err(Failure::Output)?;
             }
         }
+        if let Some(states) = &mut self.states {
+            for state in &step.outputs.states {
+                let line = StateLine::of_epoch(self.origin, state, self.publish.unix(state.t, step.wall));
+                let line = serde_json::to_string(&line).map_err(Failure::failed)?;
+                writeln!(states, "{line}").map_err(Failure::Output)?;
+            }
+        }
         if let Some(checkpoint) = &step.checkpoint {
             self.checkpoint(checkpoint);
         }
         let clients = || self.server.as_ref().map(Server::clients).unwrap_or_default();
         let uptime_s = self.began.elapsed().as_secs_f64();
         let shell = || ShellHealth { uptime_s, stream: clients().into(), ..ShellHealth::default() };
-        self.publish.step(step, shell);
+        self.publish.step(step, shell, None);
         Ok(())
     }
 
@@ -208,28 +228,9 @@ impl Sinks {
         recorder.write_result(&self.checkpoints, message.t, message.seq, &message.json);
     }
 
-    fn record(&mut self, event: &Event) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.write(event);
-        }
-    }
-
-    /// Syncs the recording if it is time, by this machine's clock whatever the replay's speed, as a live recording is:
-    /// a kill costs a second. How long until it is time again.
-    fn until_sync(&mut self) -> Duration {
-        let Some(recorder) = &mut self.recorder else { return Duration::MAX };
-        let left = self.next_sync.saturating_duration_since(Instant::now());
-        if !left.is_zero() {
-            return left;
-        }
-        recorder.sync();
-        self.next_sync = Instant::now() + SYNC_EVERY;
-        SYNC_EVERY
-    }
-
     fn close(mut self) -> Result<(), Failure> {
-        if let Some(epochs) = &mut self.epochs {
-            epochs.flush().map_err(Failure::Output)?;
+        for lines in [&mut self.epochs, &mut self.states].into_iter().flatten() {
+            lines.flush().map_err(Failure::Output)?;
         }
         self.publish.stop();
         if let Some(server) = self.server {

@@ -44,9 +44,14 @@ pub(super) fn check_rules(
         lidars: lidars.into_iter().collect::<Option<_>>()?,
         kinects: kinects.into_iter().collect::<Option<_>>()?,
         turntable,
-        target: TargetConfig { roi_center: Point::new(x, y, z), roi_radius_m: raw.target.roi_radius_m },
+        target: TargetConfig {
+            roi_center: Point::new(x, y, z),
+            roi_radius_m: raw.target.roi_radius_m,
+            search: raw.target.search,
+        },
         points_of_interest: raw.points_of_interest.into_iter().map(typed_point).collect(),
         time,
+        filter: raw.filter,
         stream: stream?,
         record: record?,
     })

@@ -22,6 +22,7 @@ pub(super) fn time(raw: &RawTime) -> TimeConfig {
 pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamConfig> {
     let tcp = socket_address(rules, "tcp", &raw.tcp, 7117);
     let foxglove = socket_address(rules, "foxglove", &raw.foxglove, 8765);
+    let telemetry = socket_address(rules, "telemetry", &raw.telemetry, 7118);
     if let (Some(Some(tcp)), Some(Some(foxglove))) = (tcp, foxglove)
         && tcp == foxglove
         && tcp.port() != 0
@@ -31,7 +32,7 @@ pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamCon
     }
     let unix = unix_path(rules, &raw.unix);
     let max_cloud_points = usize::try_from(raw.max_cloud_points).unwrap_or(usize::MAX);
-    Some(StreamConfig { tcp: tcp?, unix: unix?, foxglove: foxglove?, max_cloud_points })
+    Some(StreamConfig { tcp: tcp?, unix: unix?, foxglove: foxglove?, telemetry: telemetry?, max_cloud_points })
 }
 
 /// `Some(None)`: none is wanted. `None`: no address, reported.
@@ -42,7 +43,8 @@ fn socket_address(rules: &mut Rules<'_>, key: &str, text: &str, usual_port: u16)
     match text.parse() {
         Ok(address) => Some(Some(address)),
         Err(_) => {
-            let help = format!("write the address to listen on, e.g. {key} = \"127.0.0.1:{usual_port}\"; empty: none");
+            let what = if key == "telemetry" { "to send to" } else { "to listen on" };
+            let help = format!("write the address {what}, e.g. {key} = \"127.0.0.1:{usual_port}\"; empty: none");
             rules.broken(&keys(&["stream", key]), format!("\"{text}\" is not an IP address with a port"), help);
             None
         }

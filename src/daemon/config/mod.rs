@@ -37,8 +37,10 @@ pub use files::{Recorded, RigFile};
 pub use layers::{ConfigError, load, load_recorded};
 pub use origin::Layer;
 pub use problem::{Gravity, Problem, ProblemReport};
-pub use raw::{Hdl32eStamp, Intrinsics, LidarModel, RawKinectSigma, RawLidarSigma, Switch, TurntableProtocol};
-pub use raw_session::ClockMethod;
+pub use raw::{
+    Hdl32eStamp, Intrinsics, LidarModel, RawKinectSigma, RawLidarSigma, Switch, TargetSearch, TurntableProtocol,
+};
+pub use raw_session::{ClockMethod, FilterMethodName, MotionName, RawFilter};
 pub use session::{DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 
 /// The commented default, as `tumbled config init` writes it.
@@ -89,6 +91,8 @@ pub struct Config {
     pub points_of_interest: Vec<PointOfInterest>,
     /// How the sensors' data are brought to one time.
     pub time: TimeConfig,
+    /// How the target's motion is estimated.
+    pub filter: RawFilter,
     /// Where the state is told.
     pub stream: StreamConfig,
     /// How recordings are written.
@@ -167,6 +171,8 @@ pub struct TargetConfig {
     pub roi_center: Point<Rig>,
     /// Its radius, m, above 0.
     pub roi_radius_m: f64,
+    /// What is taken for the target.
+    pub search: TargetSearch,
 }
 
 /// A named point of the target.

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::raw_session::{RawRecord, RawStream, RawTime};
+use super::raw_session::{RawFilter, RawRecord, RawStream, RawTime};
 
 /// A rig: its sensors, where they are mounted, and what is measured. SI units unless a key's name says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,8 +32,8 @@ pub struct RawConfig {
     pub fusion: RawNoKeys,
     /// Reconstruction of the target. Has no keys in this version.
     pub reconstruction: RawNoKeys,
-    /// The motion filter. Has no keys in this version.
-    pub filter: RawNoKeys,
+    /// The motion filter.
+    pub filter: RawFilter,
     /// Where the state is told: the state stream and the viewers' bridge.
     pub stream: RawStream,
     /// How recordings are written.
@@ -54,7 +54,7 @@ impl Default for RawConfig {
             time: RawTime::default(),
             fusion: RawNoKeys {},
             reconstruction: RawNoKeys {},
-            filter: RawNoKeys {},
+            filter: RawFilter::default(),
             stream: RawStream::default(),
             record: RawRecord::default(),
             limits: RawNoKeys {},
@@ -339,6 +339,19 @@ pub enum TurntableProtocol {
     Line,
 }
 
+/// What is taken for the target.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TargetSearch {
+    /// The cluster in the region of interest.
+    #[default]
+    Region,
+    /// The nearest isolated cluster.
+    Nearest,
+    /// All that is seen.
+    Everything,
+}
+
 /// Where the target is looked for: a sphere in the rig's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -348,11 +361,14 @@ pub struct RawTarget {
     /// Radius of the region of interest, m.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub roi_radius_m: f64,
+    /// What is taken for the target: `region`: the cluster in the region; `nearest`: the nearest isolated cluster, wherever
+    /// it stands; `everything`: all that is seen, for a rig that moves before a scene that stands still.
+    pub search: TargetSearch,
 }
 
 impl Default for RawTarget {
     fn default() -> Self {
-        Self { roi_center_m: [2.0, 0.0, 0.0], roi_radius_m: 1.2 }
+        Self { roi_center_m: [2.0, 0.0, 0.0], roi_radius_m: 1.2, search: TargetSearch::Region }
     }
 }
 

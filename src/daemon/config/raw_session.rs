@@ -1,4 +1,5 @@
-//! The sections of the config that are about a session rather than about the rig: time, stream, record.
+//! The sections of the config that are about a session rather than about the rig: time, filter,
+//! stream, record.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -40,6 +41,52 @@ pub enum ClockMethod {
     Arrival,
 }
 
+/// How the target's motion is estimated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RawFilter {
+    /// `ours`, or `paper`: Algorithm 1 of the publication, for comparison.
+    pub method: FilterMethodName,
+    /// How the target may turn: `fixed-axis` on a turntable, `tumble` when free; `auto` begins with a fixed axis and
+    /// goes over to a tumble when the axis does not stay.
+    pub motion: MotionName,
+    /// Mean motion of the orbit that is imitated, rad/s: 0 where nothing falls.
+    #[schemars(range(min = 0.0, max = 0.1))]
+    pub mean_motion_rps: f64,
+    /// The orbit's point of reference, rig frame, m; left out: where the target is acquired.
+    pub orbit_center_m: Option<[f64; 3]>,
+}
+
+impl Default for RawFilter {
+    fn default() -> Self {
+        Self { method: FilterMethodName::Ours, motion: MotionName::Auto, mean_motion_rps: 0.0, orbit_center_m: None }
+    }
+}
+
+/// Which filter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FilterMethodName {
+    /// On twists, with the sensors' calibration errors in the state.
+    #[default]
+    Ours,
+    /// Algorithm 1 of Li et al. 2021.
+    Paper,
+}
+
+/// How a target may turn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionName {
+    /// Found out while it is tracked.
+    #[default]
+    Auto,
+    /// About an axis that stays.
+    FixedAxis,
+    /// Free, with an unknown inertia.
+    Tumble,
+}
+
 /// Where the state is told.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -50,6 +97,8 @@ pub struct RawStream {
     pub unix: String,
     /// Address and port where viewers that speak the Foxglove protocol connect; port 0 = any free port; empty: none.
     pub foxglove: String,
+    /// Where telemetry is sent, a UDP datagram for each state: address and port; empty: nowhere.
+    pub telemetry: String,
     /// Points of a cloud that a client is sent at most; of more, evenly chosen ones.
     #[schemars(range(min = 1, max = 100_000))]
     pub max_cloud_points: u32,
@@ -61,6 +110,7 @@ impl Default for RawStream {
             tcp: "127.0.0.1:7117".to_owned(),
             unix: DEFAULT_STREAM_SOCKET.to_owned(),
             foxglove: "127.0.0.1:8765".to_owned(),
+            telemetry: String::new(),
             max_cloud_points: 2_000,
         }
     }

@@ -32,6 +32,8 @@ pub struct StreamConfig {
     pub unix: Option<UnixPath>,
     /// Where viewers that speak the Foxglove protocol connect; port 0 = any free port.
     pub foxglove: Option<SocketAddr>,
+    /// Where telemetry is sent.
+    pub telemetry: Option<SocketAddr>,
     /// Points of a cloud that a client is sent at most, 1 to 100 000.
     pub max_cloud_points: usize,
 }

@@ -32,6 +32,8 @@ const LEFT: f64 = 52.0;
 const RIGHT: f64 = 110.0;
 const TOP: f64 = 28.0;
 const BOTTOM: f64 = 40.0;
+/// Lines of more points are drawn without a mark at each.
+const MARKED: usize = 60;
 /// Colours of a page.
 pub const COLOURS: usize = 6;
 
@@ -93,7 +95,8 @@ impl Plot {
             let path: Vec<String> = places.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
             let colour = n % COLOURS;
             svg.push_str(&format!("<polyline points=\"{}\" class=\"of{colour}\"/>", path.join(" ")));
-            for (x, y) in &places {
+            // Where points are dense they are the line.
+            for (x, y) in places.iter().filter(|_| places.len() <= MARKED) {
                 svg.push_str(&format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.6\" class=\"of{colour}\"/>"));
             }
             let at = TOP + 20.0 + 15.0 * n as f64;
@@ -124,6 +127,9 @@ fn ticks(low: f64, high: f64, logarithmic: bool) -> Vec<f64> {
 
 /// A number as short as it may be.
 fn short(number: f64) -> String {
+    if number != 0.0 && number.abs() < 5e-4 {
+        return format!("{number:.0e}");
+    }
     let text = format!("{number:.3}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text.is_empty() || text == "-0" { "0".to_owned() } else { text.to_owned() }
@@ -149,6 +155,7 @@ mod tests {
         assert_eq!(ticks(-1.0, 2.0, true), [-1.0, 0.0, 1.0, 2.0]);
         assert_eq!(short(0.250), "0.25");
         assert_eq!(short(-0.0), "0");
+        assert_eq!(short(1e-4), "1e-4");
     }
 
     #[test]

@@ -1,19 +1,22 @@
 //! A hash chain over what went into the core and what came out of it: two runs are the same to the bit exactly if their
 //! chains are.
 //!
-//! Beside the hash of the config and the rig's files, four run through a session: of the ledger's events as they are recorded, and of the core's epochs, notices and
-//! health. Once a second, where the core tells its health, their values are a checkpoint; a recording keeps them, and
+//! Beside the hash of the config and the rig's files, five run through a session: of the ledger's events as they are
+//! recorded, and of the core's epochs, states, notices and health. Once a second, where the core tells its health, their values are a checkpoint; a recording keeps them, and
 //! `tumbled verify` and `tumbled replay --digest` compute them anew.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tumbled_core::estimate::TargetState;
 use tumbled_core::{CoreHealth, Epoch, KinectScan, LidarScan, Notice, Scan, TimeBasis};
 use tumbled_io::recording::layout::encode;
 use tumbled_io::recording::results::CHECKPOINTS;
 use tumbled_io::recording::{AttachedFile, ChannelKey, ResultKind, ResultMessage};
-use tumbled_model::{Event, RigNs};
+use tumbled_model::{Event, RigNs, UnixNs};
 use xxhash_rust::xxh3::xxh3_128;
 use zerocopy::IntoBytes;
+
+use crate::stream::{StateLine, StreamOrigin};
 
 /// Hex digits of a published hash: 128 bits tell any two runs apart.
 const HEX_DIGITS: usize = 32;
@@ -36,6 +39,9 @@ pub struct Checkpoint {
     pub ledger: String,
     /// Of the epochs: times, points, everything.
     pub epoch: String,
+    /// Of the target's states; empty in a recording of a version that made none, which agrees with any.
+    #[serde(default)]
+    pub state: String,
     /// Of the notices.
     pub notice: String,
     /// Of the core's health.
@@ -51,6 +57,7 @@ impl Checkpoint {
             ("events", self.events == other.events),
             ("ledger", self.ledger == other.ledger),
             ("epochs", self.epochs == other.epochs && self.epoch == other.epoch),
+            ("states", self.state == other.state || self.state.is_empty() || other.state.is_empty()),
             ("notices", self.notice == other.notice),
             ("health", self.health == other.health),
             ("t_ns", self.t_ns == other.t_ns),
@@ -78,7 +85,7 @@ impl Checkpoint {
     /// One hash over what came out: equal for a live session and its replay, and for any interleaving of the sensors.
     pub fn outputs_digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();
-        for part in [&self.epoch, &self.notice, &self.health] {
+        for part in [&self.epoch, &self.state, &self.notice, &self.health] {
             hasher.update(part.as_bytes());
         }
         hex(&hasher)
@@ -101,6 +108,7 @@ pub struct Chain {
     rig: String,
     ledger: blake3::Hasher,
     epoch: blake3::Hasher,
+    state: blake3::Hasher,
     notice: blake3::Hasher,
     health: blake3::Hasher,
     events: u64,
@@ -136,6 +144,13 @@ impl Chain {
         hash_epoch(epoch, &mut self.epoch);
     }
 
+    /// A state of the target came out.
+    pub fn state(&mut self, state: &TargetState) {
+        let line = StateLine::of_epoch(StreamOrigin::Replay, state, UnixNs(0));
+        let line = serde_json::to_string(&line).unwrap_or_else(|error| error.to_string());
+        self.state.update(line.as_bytes()).update(b"\n");
+    }
+
     /// A notice came out.
     pub fn notice(&mut self, notice: &Notice) {
         let Notice { t, sensor, gravity, kind, message } = notice;
@@ -160,6 +175,7 @@ impl Chain {
             rig: self.rig.clone(),
             ledger: hex(&self.ledger),
             epoch: hex(&self.epoch),
+            state: hex(&self.state),
             notice: hex(&self.notice),
             health: hex(&self.health),
         }

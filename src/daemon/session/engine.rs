@@ -6,9 +6,9 @@ use tumbled_core::{CoreConfig, Outputs, Pipeline, SensorHealth, WallClock, Worke
 use tumbled_io::recording::RecordingHeader;
 use tumbled_model::{Body, Event};
 
-use super::chain::{Chain, Checkpoint};
+use super::chain::{Chain, Checkpoint, rig_digest};
 use crate::cli::Failure;
-use crate::config::{self, Config, Recorded};
+use crate::config::{self, Config, Loaded, Recorded, show};
 
 /// Makes the core's config of a changed config that stands in the ledger as text.
 pub type Interpreter = Box<dyn Fn(&str) -> Result<CoreConfig, Failure> + Send>;
@@ -38,6 +38,17 @@ impl Engine {
     pub fn new(config: CoreConfig, rig: String, workers: Workers, interpreter: Interpreter) -> Self {
         let pipeline = Pipeline::new(config, workers);
         Self { pipeline, outputs: Outputs::default(), chain: Chain::new(rig), interpreter, t_ns: 0 }
+    }
+
+    /// A core for a loaded config, as every command that reads inputs has it; `threads` as for [`workers`].
+    ///
+    /// # Errors
+    /// A config that the core cannot use; no threads.
+    pub fn of_config(loaded: &Loaded, ignore_skips: bool, threads: usize) -> Result<Self, Failure> {
+        let config = &loaded.config;
+        let core = CoreConfig { ignore_skips, ..super::setup::core_config(config)? };
+        let rig = rig_digest(&show::text(&loaded.tree, false), &config.attachments());
+        Ok(Self::new(core, rig, workers(threads)?, interpreter(config, ignore_skips)))
     }
 
     /// Lets the core have an event.
@@ -72,6 +83,7 @@ impl Engine {
 
     fn account(&mut self) -> Step<'_> {
         self.outputs.epochs.iter().for_each(|epoch| self.chain.epoch(epoch));
+        self.outputs.states.iter().for_each(|state| self.chain.state(state));
         self.outputs.notices.iter().for_each(|notice| self.chain.notice(notice));
         self.outputs.health.iter().for_each(|health| self.chain.health(health));
         let checkpoint = self.outputs.health.last().map(|health| self.chain.checkpoint(health.t_ns));

@@ -162,7 +162,7 @@ impl LiveSession {
                 let mut boundaries = ScanBoundaries::new(&part.config);
                 let events = ledger.core(Box::new(move |body| boundaries.begins(body)));
                 let results = recorder.as_ref().map(|(recorder, _)| recorder.results());
-                Some(spawn_core(part, events, results, facts.clone())?)
+                Some(spawn_core(part, events, results, facts.clone(), clock.clone())?)
             }
             None => None,
         };
@@ -226,6 +226,7 @@ fn spawn_core(
     events: EventReceiver,
     results: Option<ResultSink>,
     facts: Facts,
+    clock: SessionClock,
 ) -> Result<JoinHandle<CoreEnd>, Failure> {
     let CorePart { mut engine, mut publish, .. } = part;
     let kind = Checkpoint::kind();
@@ -239,13 +240,13 @@ fn spawn_core(
         let steps = || times.lock().unwrap_or_else(PoisonError::into_inner);
         let shell = || ShellHealth { steps: steps().report(), ..facts.get() };
         for event in events {
-            let began = Instant::now();
+            let (began, begun) = (Instant::now(), clock.now().rig);
             let step = engine.step(&event);
-            publish.step(&step, shell);
+            publish.step(&step, shell, Some((&clock, begun)));
             step.checkpoint.iter().for_each(&record);
             steps().add(&event.body, began.elapsed());
         }
-        publish.step(&engine.finish(), shell);
+        publish.step(&engine.finish(), shell, None);
         publish.stop();
         let end = CoreEnd { checkpoint: engine.checkpoint(), sensors: engine.sensors() };
         record(&end.checkpoint);

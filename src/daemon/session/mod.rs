@@ -6,7 +6,7 @@
 //! ```
 //!
 //! * [`setup`]: from the config to what the core has to know;
-//! * [`engine`], [`chain`]: the core with its hash chain, the same for every command;
+//! * [`engine`], [`chain`]: the core with its hash chain, the same for every command; [`play`]: inputs through it;
 //! * [`publish`], [`serve`], [`lines`]: what came out, as lines of the stream, the log and files;
 //! * [`live`], [`sources`], [`kinects`]: a session on live sensors, started and ended in order; `standing`: how each source
 //!   stands; [`shell`], [`steps`]: the session's health;
@@ -18,6 +18,7 @@ pub mod kinects;
 pub mod lines;
 pub mod live;
 pub mod pace;
+pub mod play;
 pub mod publish;
 pub mod reload;
 pub mod serve;

@@ -1,11 +1,17 @@
 //! What came out of the core, to whoever wants it: the state stream, viewers and the log.
 
+use tumbled_core::estimate::TargetState;
 use tumbled_core::{CoreHealth, Epoch, Gravity, Notice, WallClock};
+use tumbled_io::live::SessionClock;
 use tumbled_model::{RigNs, Span, UnixNs};
 
 use super::engine::Step;
 use crate::foxglove::FoxgloveBridge;
-use crate::stream::{Class, CloudLine, CloudView, EventLine, HealthLine, Publisher, ShellHealth, StreamOrigin};
+use crate::stream::state::Delivery;
+use crate::stream::{
+    Class, CloudLine, CloudView, EventLine, HealthLine, Publisher, ShellHealth, StateLine, StreamOrigin,
+};
+use crate::telemetry::{Telemetry, TelemetrySender};
 
 /// Turns what came out into lines of the stream, views and lines of the log.
 #[derive(Debug)]
@@ -25,6 +31,8 @@ pub struct Audience {
     pub max_cloud_points: usize,
     /// Viewers.
     pub viewers: Option<FoxgloveBridge>,
+    /// The guidance computer.
+    pub telemetry: Option<TelemetrySender>,
 }
 
 impl Publish {
@@ -39,9 +47,14 @@ impl Publish {
     }
 
     /// Tells what one step brought. `shell` is asked only when health is told.
-    pub fn step(&mut self, step: &Step<'_>, shell: impl Fn() -> ShellHealth) {
+    /// `live`: a live session's clock, and when the core took the step up.
+    pub fn step(&mut self, step: &Step<'_>, shell: impl Fn() -> ShellHealth, live: Option<(&SessionClock, RigNs)>) {
         for epoch in &step.outputs.epochs {
             self.cloud(epoch, step.wall);
+        }
+        for (state, epoch) in step.outputs.states.iter().zip(&step.outputs.epochs) {
+            let delivery = live.map(|(clock, begun)| Delivery::new(epoch, begun, clock.now().rig));
+            self.state(state, delivery, step.wall);
         }
         for notice in &step.outputs.notices {
             log(notice);
@@ -68,6 +81,18 @@ impl Publish {
         }
         if let Some(viewers) = &mut audience.viewers {
             viewers.cloud(&view);
+        }
+    }
+
+    fn state(&mut self, state: &TargetState, delivery: Option<Delivery>, wall: &WallClock) {
+        let unix = self.unix(state.t, wall);
+        let Some(audience) = &mut self.audience else { return };
+        if let Some(telemetry) = &mut audience.telemetry {
+            telemetry.send(&Telemetry::of_epoch(state, unix));
+        }
+        if audience.stream.wants(Class::State) {
+            let line = StateLine::of_epoch(self.origin, state, unix).delivered(delivery);
+            audience.stream.publish(Class::State, &line);
         }
     }
 

@@ -7,6 +7,7 @@ use crate::cli::Failure;
 use crate::config::Config;
 use crate::foxglove::{FoxgloveBridge, FoxgloveConfig, SensorPose};
 use crate::stream::{ClientTotals, Hello, StreamConfig, StreamOrigin, StreamServer};
+use crate::telemetry::{TelemetrySender, session_bytes};
 
 /// What a session is, for those who connect.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +42,15 @@ impl Server {
             }
             None => None,
         };
+        let telemetry = match config.stream.telemetry {
+            Some(to) => {
+                let session = session_bytes(about.session);
+                Some(TelemetrySender::open(to, session, about.origin, allow_nonlive).map_err(Failure::input)?)
+            }
+            None => None,
+        };
         let max_cloud_points = config.stream.max_cloud_points;
-        let audience = Audience { stream: stream.publisher(), max_cloud_points, viewers };
+        let audience = Audience { stream: stream.publisher(), max_cloud_points, viewers, telemetry };
         Ok((Self { stream }, Publish::new(about.origin, about.unix_at_zero, Some(audience))))
     }
 

@@ -1,10 +1,12 @@
 //! From the config to what the core has to know of the rig.
 
+use tumbled_core::estimate::{EstimateSettings, TargetMotionKind, TargetSearch, Trust};
+use tumbled_core::ukf::FilterMethod;
 use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableSetup};
 use tumbled_model::SensorId;
 
 use crate::cli::Failure;
-use crate::config::{ClockMethod, Config, TurntableConfig, TurntableProtocol};
+use crate::config::{self, ClockMethod, Config, FilterMethodName, MotionName, TurntableConfig, TurntableProtocol};
 use crate::decoding::{kinect, lidar};
 
 /// The turntable's name among the sensors.
@@ -42,8 +44,45 @@ pub fn core_config(config: &Config) -> Result<CoreConfig, Failure> {
             hold: config.time.hold,
             silent_after: config.time.silent_after,
         },
+        estimate: estimate(config),
         ignore_skips: false,
     })
+}
+
+/// How well sensors are known is what the config says; of the others what an operator reaches is believed.
+fn estimate(config: &Config) -> EstimateSettings {
+    let lidars = config.lidars.iter().filter_map(|sensor| {
+        let sigma = sensor.sigma?;
+        Some((sensor.id.clone(), trust(sigma.rotation_deg, sigma.translation_m, sigma.time_offset_ms, 0.0)))
+    });
+    let kinects = config.kinects.iter().filter_map(|sensor| {
+        let sigma = sensor.sigma?;
+        let trust = trust(sigma.rotation_deg, sigma.translation_m, sigma.time_offset_ms, sigma.depth_scale);
+        Some((sensor.id.clone(), trust))
+    });
+    EstimateSettings {
+        search: match config.target.search {
+            config::TargetSearch::Region => TargetSearch::Region,
+            config::TargetSearch::Nearest => TargetSearch::Nearest,
+            config::TargetSearch::Everything => TargetSearch::Everything,
+        },
+        method: match config.filter.method {
+            FilterMethodName::Ours => FilterMethod::Cubature,
+            FilterMethodName::Paper => FilterMethod::Paper,
+        },
+        motion: match config.filter.motion {
+            MotionName::Auto => TargetMotionKind::Auto,
+            MotionName::FixedAxis => TargetMotionKind::FixedAxis,
+            MotionName::Tumble => TargetMotionKind::Tumble,
+        },
+        mean_motion_rps: config.filter.mean_motion_rps,
+        orbit_center_m: config.filter.orbit_center_m,
+        trust: lidars.chain(kinects).collect(),
+    }
+}
+
+fn trust(rotation_deg: f64, translation_m: f64, time_ms: f64, depth_scale: f64) -> Trust {
+    Trust { rotation_rad: rotation_deg.to_radians(), translation_m, time_s: time_ms * 1e-3, depth_scale }
 }
 
 fn turntable(turntable: &TurntableConfig) -> TurntableSetup {

@@ -11,11 +11,11 @@ use socket2::{SockRef, TcpKeepalive};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use tokio::time::sleep;
 
+use super::class::Class;
 use super::client::serve;
 use super::hello::ErrorLine;
 use super::hub::{Hub, Peer, frame};
 use super::limits::Limits;
-use super::{class::Class, frame::tail};
 
 /// Connections accepted per [`BURST_TIME`]: a flood of them takes a bounded share of one of the two workers.
 const BURST: u32 = 100;
@@ -135,7 +135,7 @@ fn prepare(stream: &TcpStream, limits: &Limits) -> io::Result<()> {
 
 fn say_and_close(stream: &impl AsFd, refusal: &ErrorLine) {
     let Ok(frame) = frame(Class::Error, refusal) else { return };
-    let line = [frame.stem().as_ref(), tail(0, 0).as_bytes()].concat();
+    let line = [frame.stem().as_ref(), frame.tail(0, 0).as_bytes()].concat();
     let socket = SockRef::from(stream);
     // A new connection's buffer is empty, so the line fits whole; if the client has left, nobody misses it. What the
     // client has sent is read, since a close with bytes unread would take the line back.

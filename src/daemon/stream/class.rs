@@ -28,9 +28,9 @@ impl Class {
     pub const ALL: [Self; 7] =
         [Self::Hello, Self::State, Self::Health, Self::Cloud, Self::Point, Self::Event, Self::Error];
 
-    /// What the daemon sends in this version. STATE and POINT may be subscribed to already: nothing comes until a
-    /// version that measures them, and HELLO will say so.
-    pub const OFFERED: [Self; 5] = [Self::Hello, Self::Health, Self::Cloud, Self::Event, Self::Error];
+    /// What the daemon sends in this version. POINT may be subscribed to already: nothing comes until a version that
+    /// measures it, and HELLO will say so.
+    pub const OFFERED: [Self; 6] = [Self::Hello, Self::State, Self::Health, Self::Cloud, Self::Event, Self::Error];
 
     /// The word on the wire.
     pub const fn name(self) -> &'static str {

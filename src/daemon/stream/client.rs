@@ -7,7 +7,6 @@ use tokio::io::{AsyncBufReadExt, AsyncRead, AsyncReadExt, AsyncWrite, AsyncWrite
 use tokio::time::{sleep_until, timeout};
 
 use super::class::Class;
-use super::frame::tail;
 use super::hello::ErrorLine;
 use super::hub::{Admitted, frame};
 use super::queue::Next;
@@ -66,7 +65,7 @@ async fn write_lines(write: &mut (impl AsyncWrite + Unpin), client: &Admitted) -
     loop {
         match client.queue.next(Instant::now()) {
             Next::Line { frame, dropped } => {
-                let tail = tail(seq, dropped);
+                let tail = frame.tail(seq, dropped);
                 let mut line = frame.stem().clone().chain(tail.as_bytes());
                 match timeout(client.hub.limits.lag, write.write_all_buf(&mut line)).await {
                     Ok(Ok(())) => seq += 1,

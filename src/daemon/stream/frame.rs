@@ -43,6 +43,8 @@ pub struct NotALine {
 pub(super) struct Frame {
     pub(super) class: Class,
     stem: Bytes,
+    /// Whether the stem ends within the object of a state's delivery.
+    in_delivery: bool,
 }
 
 impl Frame {
@@ -56,8 +58,10 @@ impl Frame {
         if !is_object {
             return Err(NotALine { class, found: line.chars().take(60).collect() });
         }
-        line.truncate(line.len() - 1); // the brace comes with the tail
-        Ok(Self { class, stem: line.into() })
+        // A state's delivery is its last key, and its latencies are the delivery's: three braces close.
+        let in_delivery = class == Class::State && line.ends_with("}}}");
+        line.truncate(line.len() - if in_delivery { 2 } else { 1 }); // the braces come with the tail
+        Ok(Self { class, stem: line.into(), in_delivery })
     }
 
     /// What is shared.
@@ -65,15 +69,16 @@ impl Frame {
         &self.stem
     }
 
+    /// What ends a client's line: the keys that [`Sent`] adds, and the one that they add to a delivery.
+    pub(super) fn tail(&self, seq: u64, dropped: u64) -> String {
+        let delivery = if self.in_delivery { format!(",\"dropped\":{dropped}}}") } else { String::new() };
+        format!("{delivery},\"seq\":{seq},\"dropped\":{dropped}}}\n")
+    }
+
     /// Bytes it takes in a queue.
     pub(super) fn size(&self) -> usize {
         self.stem.len()
     }
-}
-
-/// What ends a client's line: the keys that [`Sent`] adds.
-pub(super) fn tail(seq: u64, dropped: u64) -> String {
-    format!(",\"seq\":{seq},\"dropped\":{dropped}}}\n")
 }
 
 #[cfg(test)]
@@ -83,11 +88,21 @@ mod tests {
     #[test]
     fn stem_and_tail_make_one_line_of_json() {
         let frame = Frame::new(Class::Event, r#"{"class":"EVENT","message":"a } in it"}"#.to_owned()).expect("a line");
-        let line = [frame.stem().as_ref(), tail(7, 2).as_bytes()].concat();
+        let line = [frame.stem().as_ref(), frame.tail(7, 2).as_bytes()].concat();
         let line = String::from_utf8(line).expect("UTF-8");
         assert_eq!(line, "{\"class\":\"EVENT\",\"message\":\"a } in it\",\"seq\":7,\"dropped\":2}\n");
         let sent: Sent<serde_json::Value> = serde_json::from_str(&line).expect("JSON");
         assert_eq!((sent.seq, sent.dropped, &sent.line["message"]), (7, 2, &"a } in it".into()));
+    }
+
+    #[test]
+    fn a_states_delivery_has_the_clients_count_too() {
+        let state = r#"{"class":"STATE","delivery":{"age_ms":4.5,"latency_ms":{"total":4.5}}}"#;
+        let frame = Frame::new(Class::State, state.to_owned()).expect("a line");
+        let line = [frame.stem().as_ref(), frame.tail(7, 2).as_bytes()].concat();
+        let line: serde_json::Value = serde_json::from_slice(&line).expect("JSON");
+        assert_eq!((&line["delivery"]["dropped"], &line["dropped"], &line["seq"]), (&2.into(), &2.into(), &7.into()));
+        assert_eq!(line["delivery"]["latency_ms"]["total"], 4.5);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //!   StreamServer: listeners ─▶ accept ─▶ admitted, or refused with an ERROR
 //! ```
 //!
-//! * [`class`], [`hello`], [`health`], [`cloud`], [`event`]: the lines and what is in them;
+//! * [`class`], [`hello`], [`state`], [`health`], [`cloud`], [`event`]: the lines and what is in them;
 //! * [`frame`]: a line that many clients share; `queue`: what waits for one of them;
 //! * [`request`]: what a client may ask for; `client`: its task;
 //! * [`bind`], [`reach`], `accept`, [`limits`]: where it listens, who comes in, what each may take;
@@ -29,6 +29,7 @@ mod queue;
 pub mod reach;
 pub mod request;
 pub mod server;
+pub mod state;
 
 pub use bind::StreamError;
 pub use class::Class;
@@ -43,3 +44,4 @@ pub use hello::{ErrorLine, Hello, StreamOrigin};
 pub use hub::{ClientTotals, Publisher};
 pub use limits::Limits;
 pub use server::{StreamAddresses, StreamConfig, StreamServer};
+pub use state::StateLine;

@@ -90,6 +90,7 @@ pub const REASONS: &[(&str, &str)] = &[
     ("ambiguous", "several things, or several poses, explain what was seen"),
     ("stale", "nothing was measured for longer than the prediction is good for"),
     ("extrinsic", "the sensors disagree by more than their mountings' uncertainty"),
+    ("manoeuvre", "the motion has just changed: something pushed the target, or its stage starts or stops"),
 ];
 /// The bit of reasons that have no bit of their own.
 pub const OTHER_REASON: u32 = 1 << 31;

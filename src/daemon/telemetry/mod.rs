@@ -2,11 +2,13 @@
 //!
 //! * [`datagram`]: the struct and its table of fields;
 //! * [`layout`]: types on the wire;
+//! * `of_state`: a state as that struct;
 //! * [`published`]: the C header and the description, made from the table;
 //! * [`sender`]: datagrams to one address, never waiting.
 
 pub mod datagram;
 pub mod layout;
+mod of_state;
 pub mod published;
 pub mod sender;
 

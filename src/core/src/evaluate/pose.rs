@@ -40,8 +40,9 @@ pub struct Evaluation {
     pub motion: MotionErrors,
     /// Mean of the innovations' normalised squares: 6 if the measurements are as good as believed.
     pub nis: Option<NormalisedMean>,
-    /// Error by error, by the mean twist's alignment: for plots.
-    pub series: Vec<ErrorSample>,
+    /// Error by error, by the mean twist's alignment, each with the number of its estimate: of every estimate with truth,
+    /// those before the interval too.
+    pub series: Vec<(usize, ErrorSample)>,
 }
 
 /// The figures of one alignment.
@@ -155,6 +156,8 @@ pub fn evaluate(
     let aligned: Vec<Aligned> =
         with_gauge.map(|(alignment, gauge)| align(&pairs, alignment, gauge, independent)).collect();
     let gauge = aligned.first().map_or_else(Isometry3::identity, |mean| mean.gauge);
+    let numbered = estimates.iter().enumerate();
+    let numbered = numbered.filter_map(|(number, estimate)| Some((number, with_truth(estimate, truth)?)));
     Ok(Evaluation {
         scored: pairs.len() as u32,
         left_out: (estimates.len() - pairs.len()) as u32,
@@ -163,7 +166,7 @@ pub fn evaluate(
         motion: motion(&pairs, options.momentum),
         // Innovations are white: each one tells something new.
         nis: NormalisedMean::of(pairs.iter().filter_map(|(estimate, _)| estimate.nis), 6, pairs.len() as u32),
-        series: pairs.iter().map(|pair| sample(pair, &gauge)).collect(),
+        series: numbered.map(|(number, pair)| (number, sample(&pair, &gauge))).collect(),
         aligned,
     })
 }

@@ -125,7 +125,11 @@ fn errors_as_large_as_stated_are_consistent() {
     assert_eq!(consistency.nees12.bounds, mean_bounds(12, 12));
     let nis = found.nis.expect("innovations");
     assert_eq!((nis.mean, nis.count, nis.bounds), (6.5, 100, mean_bounds(6, 100)));
-    near(found.series.iter().filter_map(|sample| sample.nees12).sum::<f64>() / 100.0, consistency.nees12.mean, 1e-9);
+    near(
+        found.series.iter().filter_map(|(_, sample)| sample.nees12).sum::<f64>() / 100.0,
+        consistency.nees12.mean,
+        1e-9,
+    );
 }
 
 #[test]
@@ -145,6 +149,8 @@ fn only_the_interval_with_truth_is_scored() {
     let options = EvaluateOptions { from: Some(RigNs(50 * STEP_NS)), ..EvaluateOptions::default() };
     let found = evaluate(&right(), &turntable_truth(20_000_000), &options).expect("scored");
     assert_eq!((found.scored, found.left_out, found.span.0), (50, 50, RigNs(50 * STEP_NS)));
+    // What is not scored has its errors all the same.
+    assert!(found.series.iter().map(|(number, _)| *number).eq(0..100));
     let late = EvaluateOptions { from: Some(RigNs(99 * STEP_NS)), ..EvaluateOptions::default() };
     let none = evaluate(&right(), &turntable_truth(20_000_000), &late);
     assert_eq!(none, Err(EvaluateError::FewEstimates { found: 1, estimates: 100 }));
@@ -191,7 +197,23 @@ fn an_encoder_of_unknown_axis_and_sense_judges_rotation_about_it_and_rate() {
         near(found.tilt_rms_rad, 0.1 * DEGREE, 0.01 * DEGREE);
         near(found.rate_rps.mean, 0.02 * DEGREE, 1e-9);
         near(found.cone_rad.max, super::angle(&found.axis, &Vector3::z()), 1e-9);
+        let square: f64 = found.series.iter().map(|(_, error)| error.about_axis_rad * error.about_axis_rad).sum();
+        near(libm::sqrt(square / 100.0), found.about_axis_rad.rms, 1e-12);
     }
+}
+
+#[test]
+fn an_error_before_the_interval_is_in_the_series_and_not_in_the_figures() {
+    let mut estimates = right();
+    for estimate in estimates.iter_mut().take(10) {
+        estimate.t_rig_target.rotation = exp_rotation(&(Vector3::z() * 20.0 * DEGREE)) * estimate.t_rig_target.rotation;
+    }
+    let options = EvaluateOptions { from: Some(RigNs(50 * STEP_NS)), ..EvaluateOptions::default() };
+    let found = evaluate_turntable(&estimates, &encoder(1.0), &options).expect("scored");
+    assert_eq!((found.scored, found.left_out, found.series.len()), (50, 50, 100));
+    near(found.about_axis_rad.max, 0.0, 1e-7);
+    near(found.series[9].1.about_axis_rad, 20.0 * DEGREE, 1e-7);
+    near(found.series[10].1.about_axis_rad, 0.0, 1e-7);
 }
 
 #[test]

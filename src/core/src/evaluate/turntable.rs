@@ -1,5 +1,6 @@
 //! Errors against a turntable's encoder, whose axis in the rig nobody knows: what turns about the estimate's own axis.
 
+use super::consistency::NormalisedMean;
 use super::pose::ScalarErrors;
 use super::{EstimateSample, EvaluateError, EvaluateOptions, check_order};
 use core::f64::consts::{PI, TAU};
@@ -24,7 +25,7 @@ pub struct EncoderSample {
 }
 
 /// How well estimates follow a turntable.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TurntableEvaluation {
     /// Estimates scored: in the interval, with the encoder known at their time.
     pub scored: u32,
@@ -44,7 +45,32 @@ pub struct TurntableEvaluation {
     pub cone_rad: ScalarErrors,
     /// Estimated rate |ω| less the encoder's, rad/s.
     pub rate_rps: ScalarErrors,
+    /// Mean of the innovations' normalised squares: 6 if the measurements are as good as believed.
+    pub nis: Option<NormalisedMean>,
+    /// Error by error, each with the number of its estimate: of every estimate whose angle is known, those before the
+    /// interval too.
+    pub series: Vec<(usize, TurntableError)>,
 }
+
+/// The errors of one estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurntableError {
+    /// When.
+    pub t: RigNs,
+    /// About the axis, less the mean of those scored, rad in −π..=π.
+    pub about_axis_rad: f64,
+    /// Across it, less the mean of those scored, rad.
+    pub tilt_rad: f64,
+    /// Angle between its spin axis and the axis, rad.
+    pub cone_rad: f64,
+    /// Of the rate, rad/s; `None`: at the encoder's ends and gaps nobody knows it.
+    pub rate_rps: Option<f64>,
+    /// As estimated.
+    pub nis: Option<f64>,
+}
+
+/// An estimate with the encoder's angle at its time, rad.
+type Pair<'a> = (&'a EstimateSample, f64);
 
 /// Scores estimates, in the order of their times, against the encoder's readings, in the order of theirs.
 ///
@@ -57,12 +83,13 @@ pub fn evaluate_turntable(
 ) -> Result<TurntableEvaluation, EvaluateError> {
     check_order(estimates)?;
     check_encoder(encoder)?;
-    let is_scored = |estimate: &&EstimateSample| options.from.is_none_or(|from| estimate.t >= from);
-    let scored = estimates.iter().filter(is_scored);
-    let pairs: Vec<(&EstimateSample, f64)> =
-        scored.filter_map(|estimate| Some((estimate, angle_at(encoder, estimate.t)?))).collect();
+    let numbered = estimates.iter().enumerate();
+    let known: Vec<(usize, Pair<'_>)> =
+        numbered.filter_map(|(number, estimate)| Some((number, (estimate, angle_at(encoder, estimate.t)?)))).collect();
+    let is_scored = |(estimate, _): &Pair<'_>| options.from.is_none_or(|from| estimate.t >= from);
+    let pairs: Vec<Pair<'_>> = known.iter().map(|(_, pair)| *pair).filter(is_scored).collect();
     let ends = pairs.first().zip(pairs.last()).filter(|_| pairs.len() >= 2);
-    let Some(((first, from), (last, to))) = ends else {
+    let Some((first, last)) = ends else {
         return Err(EvaluateError::FewEstimates { found: pairs.len(), estimates: estimates.len() });
     };
     let turned = turned(&pairs);
@@ -70,40 +97,62 @@ pub fn evaluate_turntable(
         return Err(EvaluateError::NoTurn { travel_deg: turned.norm().to_degrees() as u32 });
     };
     // The axis is the sense in which the target turns; the encoder may count the other way.
-    let sense = if to < from { -1.0 } else { 1.0 };
-    let start = first.t_rig_target.rotation;
-    let (mut errors, mut tilts) = (Vec::with_capacity(pairs.len()), Vec::with_capacity(pairs.len()));
-    for (estimate, encoder) in &pairs {
-        let (about, tilt) = split(&(estimate.t_rig_target.rotation * start.inverse()), &axis);
-        let error = about - sense * (encoder - from);
-        // Of the angles a turn apart the one that the encoder is nearest to.
-        errors.push(error - TAU * libm::round(error / TAU));
-        tilts.push(tilt);
-    }
+    let sense = if last.1 < first.1 { -1.0 } else { 1.0 };
+    let from = |pair: &Pair<'_>| turn_from(first, pair, sense, &axis);
     let count = pairs.len() as f64;
-    let mean_error = errors.iter().sum::<f64>() / count;
-    let mean_tilt = tilts.iter().sum::<Vector3<f64>>() / count;
-    let tilt_square = tilts.iter().map(|tilt| (tilt - mean_tilt).norm_squared()).sum::<f64>() / count;
-    let rates = pairs
-        .iter()
-        .filter_map(|(estimate, _)| Some(estimate.angular_velocity_rps.norm() - rate_at(encoder, estimate.t)?.abs()));
-    let cones = pairs.iter().map(|(estimate, _)| super::angle(&estimate.angular_velocity_rps, &axis));
+    let (mut mean_error, mut mean_tilt) = (0.0, Vector3::zeros());
+    for (error, tilt) in pairs.iter().map(from) {
+        mean_error += error / count;
+        mean_tilt += tilt / count;
+    }
+    let series = known.iter().map(|(number, pair)| {
+        let (estimate, (error, tilt)) = (pair.0, from(pair));
+        let error = TurntableError {
+            t: estimate.t,
+            about_axis_rad: less_turns(error - mean_error),
+            tilt_rad: (tilt - mean_tilt).norm(),
+            cone_rad: super::angle(&estimate.angular_velocity_rps, &axis),
+            rate_rps: rate_at(encoder, estimate.t).map(|rate| estimate.angular_velocity_rps.norm() - rate.abs()),
+            nis: estimate.nis,
+        };
+        (*number, error)
+    });
+    let series: Vec<(usize, TurntableError)> = series.collect();
+    // Those scored are the last ones: estimates are in the order of their times.
+    let scored = || series.iter().skip(series.len() - pairs.len()).map(|(_, error)| error);
+    let of =
+        |what: &dyn Fn(&TurntableError) -> Option<f64>| ScalarErrors::of(scored().filter_map(what)).unwrap_or_default();
     Ok(TurntableEvaluation {
         scored: pairs.len() as u32,
         left_out: (estimates.len() - pairs.len()) as u32,
-        span: (first.t, last.t),
-        travel_rad: (to - from).abs(),
+        span: (first.0.t, last.0.t),
+        travel_rad: (last.1 - first.1).abs(),
         axis,
-        about_axis_rad: ScalarErrors::of(errors.iter().map(|error| error - mean_error)).unwrap_or_default(),
-        tilt_rms_rad: libm::sqrt(tilt_square),
-        cone_rad: ScalarErrors::of(cones).unwrap_or_default(),
-        rate_rps: ScalarErrors::of(rates).unwrap_or_default(),
+        about_axis_rad: of(&|error| Some(error.about_axis_rad)),
+        tilt_rms_rad: of(&|error| Some(error.tilt_rad)).rms,
+        cone_rad: of(&|error| Some(error.cone_rad)),
+        rate_rps: of(&|error| error.rate_rps),
+        nis: NormalisedMean::of(scored().filter_map(|error| error.nis), 6, pairs.len() as u32),
+        series,
     })
 }
 
+/// How far an estimate is turned from the first one about the axis, rad, less what the encoder says, in −π..=π; and across
+/// it, a rotation vector.
+fn turn_from(first: &Pair<'_>, pair: &Pair<'_>, sense: f64, axis: &Vector3<f64>) -> (f64, Vector3<f64>) {
+    let rotation = pair.0.t_rig_target.rotation * first.0.t_rig_target.rotation.inverse();
+    let (about, tilt) = split(&rotation, axis);
+    (less_turns(about - sense * (pair.1 - first.1)), tilt)
+}
+
+/// Of the angles a turn apart the one in −π..=π, rad.
+fn less_turns(angle: f64) -> f64 {
+    angle - TAU * libm::round(angle / TAU)
+}
+
 /// The sum of the rotation vectors from estimate to estimate, rig axes: of its steps' noise only the ends' stays.
-fn turned(pairs: &[(&EstimateSample, f64)]) -> Vector3<f64> {
-    let rotation = |(estimate, _): &(&EstimateSample, f64)| estimate.t_rig_target.rotation;
+fn turned(pairs: &[Pair<'_>]) -> Vector3<f64> {
+    let rotation = |(estimate, _): &Pair<'_>| estimate.t_rig_target.rotation;
     let steps = pairs.iter().zip(pairs.iter().skip(1));
     steps.map(|(before, after)| log_rotation(&(rotation(after) * rotation(before).inverse()))).sum()
 }
@@ -112,7 +161,7 @@ fn turned(pairs: &[(&EstimateSample, f64)]) -> Vector3<f64> {
 fn split(rotation: &UnitQuaternion<f64>, axis: &Vector3<f64>) -> (f64, Vector3<f64>) {
     let along = rotation.imag().dot(axis);
     let about = 2.0 * libm::atan2(along, rotation.w);
-    let about = about - TAU * libm::round(about / TAU);
+    let about = less_turns(about);
     let twist = UnitQuaternion::from_axis_angle(&nalgebra::Unit::new_unchecked(*axis), about);
     (about, log_rotation(&(twist.inverse() * rotation)))
 }

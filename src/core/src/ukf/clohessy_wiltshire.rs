@@ -14,6 +14,8 @@ pub(super) struct ClohessyWiltshire {
     place_of_velocity: Matrix3<f64>,
     velocity_of_place: Matrix3<f64>,
     velocity_of_velocity: Matrix3<f64>,
+    /// The orbit's point of reference.
+    center: Vector3<f64>,
 }
 
 impl ClohessyWiltshire {
@@ -46,13 +48,20 @@ impl ClohessyWiltshire {
             ),
             velocity_of_place: Matrix3::new(3.0 * n * s, 0.0, 0.0, -6.0 * n * versed, 0.0, 0.0, 0.0, 0.0, -n * s),
             velocity_of_velocity: Matrix3::new(k, 2.0 * s, 0.0, -2.0 * s, 1.0 - 4.0 * versed, 0.0, 0.0, 0.0, k),
+            center: Vector3::zeros(),
         }
+    }
+
+    /// About a point of reference, m, which is the origin otherwise.
+    pub(super) fn about(self, center: [f64; 3]) -> Self {
+        Self { center: center.into(), ..self }
     }
 
     /// Where a point at `place`, m, with `velocity`, m/s, is then, and how it moves.
     pub(super) fn moved(&self, place: &Vector3<f64>, velocity: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let place = place - self.center;
         (
-            self.place_of_place * place + self.place_of_velocity * velocity,
+            self.center + self.place_of_place * place + self.place_of_velocity * velocity,
             self.velocity_of_place * place + self.velocity_of_velocity * velocity,
         )
     }

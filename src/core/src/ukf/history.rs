@@ -41,6 +41,11 @@ impl History {
         self.entries.back().map_or(&self.base.1, |entry| &entry.state)
     }
 
+    /// Changes the last state; of a late pose the change is undone.
+    pub(super) fn change(&mut self, change: impl FnOnce(&mut State)) {
+        change(self.entries.back_mut().map_or(&mut self.base.1, |entry| &mut entry.state));
+    }
+
     /// The state from which a time is predicted: the last that is not after it, else the first.
     pub(super) fn before(&self, t: RigNs) -> &State {
         let after = self.entries.partition_point(|entry| entry.place.0 <= t);

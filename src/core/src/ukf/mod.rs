@@ -37,7 +37,7 @@ pub use spin::{Momentum, Spin};
 
 use history::History;
 use nalgebra::{Isometry3, Matrix6, Vector6};
-use state::Setup;
+use state::{RATE, Setup, VELOCITY};
 use tumbled_model::{RigNs, Twist};
 
 /// How often something became of a pose.
@@ -97,6 +97,19 @@ impl Filter {
         let verdict = self.history.insert(&self.setup, z);
         self.counts.count(verdict.used);
         verdict
+    }
+
+    /// Something has pushed the target, or its stage starts or stops: velocity and rate are known no better than these, one
+    /// axis, m/s and rad/s, and the pose no better than what that makes in a tenth of a second. Calibration stays as it is.
+    pub fn disturb(&mut self, sigma_velocity_mps: f64, sigma_rate_rps: f64) {
+        const UNSEEN_S: f64 = 0.1;
+        let widened = [
+            (0, sigma_rate_rps * UNSEEN_S),
+            (3, sigma_velocity_mps * UNSEEN_S),
+            (VELOCITY, sigma_velocity_mps),
+            (RATE, sigma_rate_rps),
+        ];
+        self.history.change(|state| state.root.widen(&widened));
     }
 
     /// The target at a time: from the last pose before it. Does not change the filter.

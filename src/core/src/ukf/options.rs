@@ -1,5 +1,6 @@
 //! What the filter has to be told: the target's motion, the sensors' priors, the way calibration is treated.
 
+use super::clohessy_wiltshire::ClohessyWiltshire;
 use crate::register::SensorKind;
 use core::f64::consts::PI;
 use nalgebra::{Isometry3, Matrix6, Vector6};
@@ -48,8 +49,10 @@ pub struct FilterOptions {
     /// What becomes of the sensors' slow errors. Of no effect for [`FilterMethod::Paper`].
     pub calibration: CalibrationTreatment,
     /// Mean motion n of the orbit, rad/s; 0 is uniform motion, as on a rig. The rig's axes are then x radially out,
-    /// y along the track, z along the orbit's normal, and its origin is the orbit's point of reference.
+    /// y along the track, z along the orbit's normal.
     pub mean_motion_rps: f64,
+    /// The orbit's point of reference, rig frame, m.
+    pub orbit_center_m: [f64; 3],
     /// White acceleration, m/s^1.5.
     pub q_acceleration: f64,
     /// White angular acceleration, rad/s^1.5.
@@ -70,12 +73,18 @@ impl FilterOptions {
             motion: Motion::FixedAxis,
             calibration: CalibrationTreatment::Estimated,
             mean_motion_rps: 0.0,
+            orbit_center_m: [0.0; 3],
             q_acceleration: 3e-5,
             q_angular: 0.001 * DEGREE,
             correlation_angle_rad: 30.0 * DEGREE,
             sigma_center_of_mass_m: 0.06,
             sigma_inertia: 0.3,
         }
+    }
+
+    /// The orbit's part of a motion of `dt` s.
+    pub(super) fn orbit(&self, dt: f64) -> ClohessyWiltshire {
+        ClohessyWiltshire::new(self.mean_motion_rps, dt).about(self.orbit_center_m)
     }
 
     /// For a target that tumbles: 0.01 °/s^1.5, inertia unknown.

@@ -4,7 +4,6 @@
 //! and to turn about its frame's origin. Points `T̂ Exp(±√(α²n) column)` with a centre point, whose weight is negative:
 //! the covariance is a plain sum, and may fail to be one.
 
-use super::clohessy_wiltshire::ClohessyWiltshire;
 use super::dynamics::{Deviation, Kinematics};
 use super::measurement::Innovation;
 use super::root::{Root, entry, product};
@@ -43,7 +42,7 @@ fn points(state: &State) -> Vec<Kinematics> {
 
 /// The points' mean after `dt` s, and the covariance with the motion's noise.
 pub(super) fn spread(setup: &Setup, state: &State, dt: f64) -> (Kinematics, Root) {
-    let orbit = ClohessyWiltshire::new(setup.options.mean_motion_rps, dt);
+    let orbit = setup.options.orbit(dt);
     let points: Vec<Kinematics> = points(state).iter().map(|point| point.moved(&orbit, dt)).collect();
     let mean = mean(points.first().unwrap_or(&state.target), &points, weight);
     let mut noise = DMatrix::zeros(NOISE_ROWS, N);

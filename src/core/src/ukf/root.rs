@@ -37,6 +37,18 @@ impl Root {
         columns *= by;
     }
 
+    /// With independent deviations added to three states from each of `firsts` on.
+    pub(super) fn widen(&mut self, firsts: &[(usize, f64)]) {
+        let width = self.0.ncols();
+        let mut rows = self.0.clone().resize_vertically(width + 3 * firsts.len(), 0.0);
+        for ((first, sigma), block) in firsts.iter().zip(0..) {
+            for axis in 0..3 {
+                put(&mut rows, width + 3 * block + axis, first + axis, *sigma);
+            }
+        }
+        self.0 = triangle(rows);
+    }
+
     /// Whether all is finite, and no state's variance zero unless it began so.
     pub(super) fn is_sound(&self, known: &[bool]) -> bool {
         self.0.iter().all(|value| value.is_finite())
@@ -156,6 +168,15 @@ mod tests {
                 prop_assert!((0..row).all(|column| root.rows()[(row, column)] == 0.0));
             }
         }
+    }
+
+    #[test]
+    fn widening_adds_variances_and_keeps_correlations() {
+        let mut root = Root::of(DMatrix::from_row_slice(3, 3, &[2.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]));
+        let before = root.covariance::<3, 3>(0, 0);
+        root.widen(&[(0, 3.0)]);
+        let added = root.covariance::<3, 3>(0, 0) - before;
+        assert!((added - nalgebra::Matrix3::identity() * 9.0).norm() < 1e-12, "{added}");
     }
 
     #[test]

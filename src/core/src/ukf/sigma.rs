@@ -4,7 +4,6 @@
 //! in common with them goes along with each point; the rest of theirs is linear and kept as it is. All deviations and the
 //! noise's are stacked and turned to a triangle once.
 
-use super::clohessy_wiltshire::ClohessyWiltshire;
 use super::dynamics::{Deviation, Kinematics};
 use super::options::FilterMethod;
 use super::paper;
@@ -46,7 +45,7 @@ pub(super) fn predict(setup: &Setup, state: &State, t: RigNs) -> State {
 /// The most likely state at another time, its covariance that of the state it comes from.
 pub(super) fn mean_at(setup: &Setup, state: &State, t: RigNs) -> State {
     let dt = (t - state.t).as_secs_f64();
-    let orbit = ClohessyWiltshire::new(setup.options.mean_motion_rps, dt);
+    let orbit = setup.options.orbit(dt);
     let mut after = State { t, target: state.target.moved(&orbit, dt).normalized(), ..state.clone() };
     let kept = libm::exp(-forgetting(setup, state, dt));
     for sensor in &mut after.sensors {
@@ -64,7 +63,7 @@ fn forgetting(setup: &Setup, state: &State, dt: f64) -> f64 {
 fn spread(setup: &Setup, state: &State, center: &Kinematics, dt: f64) -> (Kinematics, Root) {
     let layout = &setup.layout;
     let (core, width) = (layout.core, layout.width);
-    let orbit = ClohessyWiltshire::new(setup.options.mean_motion_rps, dt);
+    let orbit = setup.options.orbit(dt);
     let before = state.root.rows();
     let wide = libm::sqrt(core as f64);
     let points: Vec<Kinematics> = (0..core)

@@ -23,6 +23,7 @@ pub(crate) fn lidar_only() -> CoreConfig {
         turntables: Vec::new(),
         roi: RegionOfInterest { center: Point::new(2.0, 0.0, 0.0), radius_m: 1.2 },
         timing: Timing::default(),
+        estimate: Default::default(),
         ignore_skips: false,
     }
 }

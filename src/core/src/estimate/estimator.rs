@@ -1,0 +1,424 @@
+//! Every epoch to a state of the target: nothing is seen, it is acquired, it is tracked, it is lost and found again.
+
+use super::acquire::{Acquiring, Step};
+use super::axis::AxisTest;
+use super::reacquire;
+use super::sensors::{self, PointSensor};
+use super::settings::{EstimateSettings, TargetMotionKind, TargetSearch};
+use super::state::{Mode, SpinState, StateInputs, StateReason, TargetMotion, TargetState, Validity};
+use crate::config::CoreConfig;
+use crate::epoch::Epoch;
+use crate::segment::{Expectation, Search, Segment, Segmenter};
+use crate::track::{Fit, RigMotion, TrackFrame, Tracker};
+use crate::ukf::{Estimate, Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement, Used};
+use crate::workers::Workers;
+use nalgebra::{Isometry3, Point3};
+use std::collections::VecDeque;
+use tumbled_model::{RigNs, Span};
+
+/// Points of the target below which nothing is begun.
+const FIRST_SIGHT: usize = 60;
+/// Without a measurement for so long a prediction is no longer good.
+const GOOD_PREDICTION: Span = Span(1_000_000_000);
+/// Without a measurement for so long the target is lost.
+const LOST_AFTER: Span = Span(3_000_000_000);
+/// A sensor that has not measured for so long does not take part.
+const TAKES_PART: Span = Span(2_000_000_000);
+/// So long after the start of a filter its motion is still settling.
+const SETTLING: Span = Span(1_000_000_000);
+/// The target reaches this far beyond its model's radius, m.
+const BEYOND_M: f64 = 0.10;
+/// Poses that are kept for a filter of another motion.
+const KEPT: Span = Span(1_500_000_000);
+/// A tumble's filter begins when a filter of a fixed axis has brought tracking and model so far.
+const TUMBLE_AFTER: Span = Span(3_000_000_000);
+/// Fits beyond doubt, of which so many in a row are refused, tell of a motion that has changed.
+const MANOEUVRE: u32 = 2;
+/// The least share of points on the model of a fit beyond doubt.
+const BEYOND_DOUBT: f64 = 0.7;
+/// So long after it the motion may go on changing, by so much from epoch to epoch: m/s and rad/s (20°/s).
+const UNSTEADY_FOR: Span = Span(400_000_000);
+const UNSTEADY: (f64, f64) = (0.1, 0.35);
+/// What is then known of the motion, one axis: m/s and rad/s (90°/s).
+const DISTURBED: (f64, f64) = (0.3, core::f64::consts::FRAC_PI_2);
+/// Shares of the poses' information with which a filter is begun, until it can be.
+const BELIEVED: [f64; 3] = [1.0, 1.0 / 16.0, 1.0 / 256.0];
+/// Epochs between two tries to find a lost target again.
+const TRY_EVERY: u32 = 5;
+
+/// The estimation: one for a session.
+#[derive(Debug)]
+pub(crate) struct Estimator {
+    settings: EstimateSettings,
+    sensors: Vec<PointSensor>,
+    segmenter: Segmenter,
+    segment: Segment,
+    stage: Stage,
+}
+
+#[derive(Debug)]
+enum Stage {
+    Empty,
+    Acquiring(Box<Acquiring>),
+    Tracking(Box<Tracking>),
+    /// Its model, where it was last, and epochs since.
+    Lost(Box<Tracker>, Isometry3<f64>, u32),
+}
+
+/// A target that is tracked.
+#[derive(Debug)]
+struct Tracking {
+    tracker: Tracker,
+    filter: Filter,
+    motion: Motion,
+    began: RigNs,
+    measured: RigNs,
+    /// The newest poses.
+    poses: VecDeque<PoseMeasurement>,
+    /// Of each sensor, whether the axis stays.
+    axes: Vec<AxisTest>,
+    /// The axis was seen to move.
+    tumbles: bool,
+    /// Fits beyond doubt that were refused, in a row.
+    refused: u32,
+    /// Until when the motion may go on changing.
+    unsteady_until: RigNs,
+}
+
+/// What an epoch meant for a tracked target.
+struct Measured {
+    nis: Option<f64>,
+    fit: Option<Fit>,
+    reasons: Vec<StateReason>,
+    used: bool,
+    lost: bool,
+}
+
+impl Estimator {
+    /// Has seen nothing yet.
+    pub(crate) fn new(config: &CoreConfig) -> Self {
+        Self {
+            settings: config.estimate.clone(),
+            sensors: sensors::of_config(config),
+            segmenter: Segmenter::new(match config.estimate.search {
+                TargetSearch::Region => Search::Region(config.roi),
+                TargetSearch::Nearest => Search::Nearest,
+                TargetSearch::Everything => Search::Everything,
+            }),
+            segment: Segment::default(),
+            stage: Stage::Empty,
+        }
+    }
+
+    /// Takes over a changed config: the target is acquired anew, for its place in the rig may be another one.
+    pub(crate) fn configure(&mut self, config: &CoreConfig) {
+        *self = Self::new(config);
+    }
+
+    /// The target after an epoch.
+    pub(crate) fn take(&mut self, epoch: &Epoch, workers: &Workers) -> TargetState {
+        let Some(number) = self.sensors.iter().position(|sensor| sensor.id == epoch.sensor) else {
+            return blank(epoch, false);
+        };
+        let expected = self.expectation(epoch.t);
+        let mut segment = core::mem::take(&mut self.segment);
+        self.segmenter.segment(epoch, expected.as_ref(), &mut segment);
+        let motion = self.rig_motion(epoch.t);
+        let is_kinect = self.sensors.get(number).is_some_and(|sensor| sensor.is_kinect);
+        let mut state = blank(epoch, is_kinect);
+        state.inputs.points = segment.indices.len() as u32;
+        if let Some(sensor) = self.sensors.get(number) {
+            let frame = sensor.frame(number, epoch, &segment.indices, &motion);
+            self.advance(&frame, &mut state, workers);
+        }
+        if segment.ambiguous {
+            state.reasons.push(StateReason::Ambiguous);
+            state.validity = state.validity.max(Validity::Degraded);
+        }
+        self.segment = segment;
+        state.reasons.sort_unstable();
+        state.reasons.dedup();
+        state
+    }
+
+    /// Where the target should be seen.
+    fn expectation(&self, t: RigNs) -> Option<Expectation> {
+        let (pose, radius_m) = match &self.stage {
+            Stage::Empty | Stage::Lost(..) => return None,
+            Stage::Acquiring(acquiring) => (acquiring.expected(t), reach_m(acquiring.tracker())),
+            Stage::Tracking(tracking) => (tracking.filter.predict(t).t_rig_target, reach_m(&tracking.tracker)),
+        };
+        // Of one side alone the other may be as large.
+        Some(Expectation { center: Point3::from(pose.translation.vector), radius_m: 1.3 * radius_m + BEYOND_M })
+    }
+
+    fn rig_motion(&self, t: RigNs) -> RigMotion {
+        match &self.stage {
+            Stage::Empty | Stage::Lost(..) => RigMotion::STILL,
+            Stage::Acquiring(acquiring) => acquiring.motion(),
+            Stage::Tracking(tracking) => {
+                let estimate = tracking.filter.predict(t);
+                RigMotion {
+                    angular_rps: estimate.t_rig_target.rotation * estimate.angular_velocity_rps,
+                    velocity_mps: estimate.velocity_mps,
+                    center: Point3::from(estimate.t_rig_target.translation.vector),
+                }
+            }
+        }
+    }
+
+    /// One frame through the stage.
+    fn advance(&mut self, frame: &TrackFrame, state: &mut TargetState, workers: &Workers) {
+        self.stage = match core::mem::replace(&mut self.stage, Stage::Empty) {
+            Stage::Empty => self.first_sight(frame, state),
+            Stage::Acquiring(acquiring) => self.acquire(acquiring, frame, state),
+            Stage::Tracking(tracking) => self.track(tracking, frame, state),
+            Stage::Lost(tracker, last, epochs) => self.search(tracker, (last, epochs), frame, state, workers),
+        };
+    }
+
+    fn first_sight(&mut self, frame: &TrackFrame, state: &mut TargetState) -> Stage {
+        if frame.len() < FIRST_SIGHT {
+            state.reasons.push(if frame.is_empty() { StateReason::NoPoints } else { StateReason::FewPoints });
+            return Stage::Empty;
+        }
+        state.mode = Mode::Acquiring;
+        state.reasons.push(StateReason::Settling);
+        Stage::Acquiring(Box::new(Acquiring::begin(frame)))
+    }
+
+    fn acquire(&mut self, mut acquiring: Box<Acquiring>, frame: &TrackFrame, state: &mut TargetState) -> Stage {
+        state.mode = Mode::Acquiring;
+        state.reasons.push(StateReason::Settling);
+        match acquiring.take(frame) {
+            Step::Fits => Stage::Acquiring(acquiring),
+            Step::Misfit => {
+                state.reasons.push(StateReason::PoorFit);
+                Stage::Acquiring(acquiring)
+            }
+            Step::Hopeless => self.first_sight(frame, state),
+            Step::Ready => {
+                let motion = Motion::FixedAxis;
+                match self.filter(acquiring.window(), motion) {
+                    Some(filter) => {
+                        let t = frame.shot().t;
+                        let poses = acquiring.window().iter().copied().collect();
+                        let tracking = Tracking {
+                            tracker: acquiring.into_tracker(),
+                            filter,
+                            motion,
+                            began: t,
+                            measured: t,
+                            poses,
+                            axes: self.sensors.iter().map(|sensor| AxisTest::new(sensor.is_kinect)).collect(),
+                            tumbles: self.settings.motion == TargetMotionKind::Tumble,
+                            refused: 0,
+                            unsteady_until: t,
+                        };
+                        self.note_measured(frame);
+                        self.tell(&tracking.filter.estimate(), state);
+                        state.mode = Mode::Tracking;
+                        state.validity = Validity::Degraded;
+                        Stage::Tracking(Box::new(tracking))
+                    }
+                    None => {
+                        acquiring.shorten();
+                        Stage::Acquiring(acquiring)
+                    }
+                }
+            }
+        }
+    }
+
+    /// A filter from poses.
+    fn filter(&self, window: &[PoseMeasurement], motion: Motion) -> Option<Filter> {
+        let first = window.first()?;
+        let priors: Vec<_> = self.sensors.iter().map(|sensor| sensor.prior(&first.pose.translation.vector)).collect();
+        let options = match motion {
+            _ if self.settings.method == FilterMethod::Paper => FilterOptions { motion, ..FilterOptions::paper() },
+            Motion::FixedAxis => FilterOptions::fixed_axis(),
+            Motion::FreeTumble => FilterOptions::free_tumble(),
+        };
+        let options =
+            FilterOptions { method: self.settings.method, mean_motion_rps: self.settings.mean_motion_rps, ..options };
+        // What moves by hand keeps to no steady motion as closely as its poses are known: they are then believed less.
+        BELIEVED.iter().find_map(|share| {
+            let poses: Vec<_> =
+                window.iter().map(|pose| PoseMeasurement { information: pose.information * *share, ..*pose }).collect();
+            Filter::start(options, priors.clone(), &poses)
+        })
+    }
+
+    fn track(&mut self, mut tracking: Box<Tracking>, frame: &TrackFrame, state: &mut TargetState) -> Stage {
+        let t = frame.shot().t;
+        let measured = tracking.measure(frame);
+        state.nis = measured.nis;
+        if let Some(fit) = &measured.fit {
+            state.inputs.inliers = if fit.used > 0 { fit.inliers as f64 / fit.used as f64 } else { 0.0 };
+            state.inputs.rmse_m = fit.rmse_m;
+        }
+        state.reasons.extend(measured.reasons);
+        if measured.used {
+            self.note_measured(frame);
+        }
+        self.release(&mut tracking, t);
+        let since = t - tracking.measured;
+        if measured.lost || since > LOST_AFTER {
+            state.mode = Mode::Lost;
+            state.reasons.push(StateReason::Stale);
+            let last = tracking.poses.back().map_or_else(Isometry3::identity, |pose| pose.pose);
+            return Stage::Lost(Box::new(tracking.tracker), last, 0);
+        }
+        self.tell(&tracking.filter.predict(t), state);
+        state.mode = if measured.used { Mode::Tracking } else { Mode::Predicted };
+        state.validity = if since > GOOD_PREDICTION { Validity::Invalid } else { Validity::Ok };
+        if since > GOOD_PREDICTION {
+            state.reasons.push(StateReason::Stale);
+        }
+        if t - tracking.began < SETTLING {
+            state.reasons.push(StateReason::Settling);
+        }
+        let takes_part = |sensor: &&PointSensor| sensor.measured.is_some_and(|measured| t - measured < TAKES_PART);
+        if self.sensors.len() > 1 && self.sensors.iter().filter(takes_part).count() < 2 {
+            state.reasons.push(StateReason::OneSensor);
+        }
+        if !state.reasons.is_empty() {
+            state.validity = state.validity.max(Validity::Degraded);
+        }
+        Stage::Tracking(tracking)
+    }
+
+    /// Goes over to a free motion where the axis does not stay. A filter of a free motion that begins with the first poses
+    /// takes their slow errors for inertia: measured 2.4° instead of 0.3°.
+    fn release(&self, tracking: &mut Tracking, t: RigNs) {
+        let may = self.settings.motion != TargetMotionKind::FixedAxis && tracking.motion == Motion::FixedAxis;
+        if !(may && tracking.tumbles && t - tracking.began >= TUMBLE_AFTER) {
+            return;
+        }
+        let poses: Vec<PoseMeasurement> = tracking.poses.iter().copied().collect();
+        if let Some(filter) = self.filter(&poses, Motion::FreeTumble) {
+            (tracking.filter, tracking.motion, tracking.began) = (filter, Motion::FreeTumble, t);
+        }
+    }
+
+    fn search(
+        &mut self,
+        mut tracker: Box<Tracker>,
+        (last, epochs): (Isometry3<f64>, u32),
+        frame: &TrackFrame,
+        state: &mut TargetState,
+        workers: &Workers,
+    ) -> Stage {
+        state.mode = Mode::Lost;
+        if frame.len() < FIRST_SIGHT {
+            state.reasons.push(if frame.is_empty() { StateReason::NoPoints } else { StateReason::FewPoints });
+            return Stage::Lost(tracker, last, epochs);
+        }
+        if epochs % TRY_EVERY != 0 {
+            return Stage::Lost(tracker, last, epochs + 1);
+        }
+        match reacquire::found(&mut tracker, &last, frame, workers) {
+            Some(pose) => {
+                state.mode = Mode::Acquiring;
+                state.reasons.push(StateReason::Settling);
+                Stage::Acquiring(Box::new(Acquiring::again(*tracker, frame, &pose)))
+            }
+            None => {
+                state.reasons.push(StateReason::Ambiguous);
+                Stage::Lost(tracker, last, epochs + 1)
+            }
+        }
+    }
+
+    fn note_measured(&mut self, frame: &TrackFrame) {
+        if let Some(sensor) = self.sensors.get_mut(frame.shot().sensor) {
+            sensor.measured = Some(frame.shot().t);
+        }
+    }
+
+    fn tell(&self, estimate: &Estimate, state: &mut TargetState) {
+        state.motion = Some(TargetMotion {
+            t_rig_target: estimate.t_rig_target,
+            velocity_mps: estimate.velocity_mps,
+            angular_velocity_rps: estimate.t_rig_target.rotation * estimate.angular_velocity_rps,
+            covariance: estimate.covariance,
+            spin: estimate.spin.map(|spin| SpinState {
+                axis: spin.axis_rig.into_inner(),
+                rate_rps: spin.rate_rps,
+                axis_sigma_rad: spin.axis_sigma_rad,
+                rate_sigma_rps: spin.rate_sigma_rps,
+            }),
+        });
+    }
+}
+
+impl Tracking {
+    /// Lays a frame on the model and lets the filter have the pose.
+    fn measure(&mut self, frame: &TrackFrame) -> Measured {
+        let shot = *frame.shot();
+        let nothing = |reason| Measured { nis: None, fit: None, reasons: vec![reason], used: false, lost: false };
+        if frame.is_empty() {
+            return nothing(StateReason::NoPoints);
+        }
+        let fit = self.tracker.fit(frame, &self.filter.seen_by(shot.t, shot.sensor));
+        if !fit.is_trusted() {
+            return Measured { fit: Some(fit), ..nothing(StateReason::PoorFit) };
+        }
+        let measurement =
+            PoseMeasurement { t: shot.t, sensor: shot.sensor, pose: fit.t_rig_target, information: fit.information };
+        let mut reasons = Vec::new();
+        if shot.t < self.unsteady_until {
+            self.filter.disturb(UNSTEADY.0, UNSTEADY.1);
+            reasons.push(StateReason::Manoeuvre);
+        }
+        let mut verdict = self.filter.update(&measurement);
+        let is_sure = fit.is_firm() && fit.inliers as f64 >= BEYOND_DOUBT * fit.used as f64;
+        self.refused = if is_sure && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
+        if self.refused >= MANOEUVRE || self.refused > 0 && verdict.lost {
+            self.filter.disturb(DISTURBED.0, DISTURBED.1);
+            verdict = self.filter.update(&measurement);
+            self.unsteady_until = shot.t + UNSTEADY_FOR;
+            self.axes.iter_mut().for_each(AxisTest::forget);
+            reasons.push(StateReason::Manoeuvre);
+        }
+        self.poses.push_back(measurement);
+        while self.poses.front().is_some_and(|oldest| shot.t - oldest.t > KEPT) {
+            self.poses.pop_front();
+        }
+        let used = matches!(verdict.used, Used::Full | Used::Soft);
+        if !fit.is_firm() {
+            reasons.push(StateReason::Degenerate);
+        }
+        if used {
+            self.measured = shot.t;
+            self.tracker.accept(frame, &fit);
+            if let Some(axis) = self.axes.get_mut(shot.sensor) {
+                self.tumbles |= axis.moves(&fit.t_rig_target.rotation);
+            }
+        } else {
+            reasons.push(StateReason::Rejected);
+        }
+        Measured { nis: verdict.nis, fit: Some(fit), reasons, used, lost: verdict.lost }
+    }
+}
+
+/// How far the model reaches from the target's origin, m.
+fn reach_m(tracker: &Tracker) -> f64 {
+    let squares = tracker.surfels().positions().iter().map(|place| place.coords.norm_squared());
+    libm::sqrt(squares.fold(0.0, f64::max))
+}
+
+fn blank(epoch: &Epoch, is_kinect: bool) -> TargetState {
+    TargetState {
+        epoch: epoch.number,
+        t: epoch.t,
+        sensor: epoch.sensor.clone(),
+        mode: Mode::NoTarget,
+        validity: Validity::Invalid,
+        reasons: Vec::new(),
+        motion: None,
+        nis: None,
+        inputs: StateInputs { is_kinect, ..StateInputs::default() },
+        alternatives: 0,
+    }
+}
