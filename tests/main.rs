@@ -43,6 +43,7 @@ mod simulated_stage;
 mod simulated_times;
 mod soak;
 mod stalls;
+mod states;
 mod status_cli;
 mod stream_limits;
 mod stream_protocol;
