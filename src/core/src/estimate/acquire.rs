@@ -24,6 +24,8 @@ const HALF_TURN: f64 = 2.6;
 pub(super) struct Acquiring {
     tracker: Tracker,
     window: Vec<PoseMeasurement>,
+    /// Where the target was first seen, rig frame, m.
+    acquired_m: [f64; 3],
     /// When the last frame fitted.
     fitted: RigNs,
     misfits: u32,
@@ -60,7 +62,8 @@ impl Acquiring {
         // The first pose is where it is by definition.
         let information = nalgebra::Matrix6::identity() * 1e6;
         let first = PoseMeasurement { t: shot.t, sensor: shot.sensor, pose: *t_rig_target, information };
-        Self { tracker, window: vec![first], fitted: shot.t, misfits: 0 }
+        let acquired_m = t_rig_target.translation.vector.into();
+        Self { tracker, window: vec![first], acquired_m, fitted: shot.t, misfits: 0 }
     }
 
     /// Takes the next frame.
@@ -92,8 +95,13 @@ impl Acquiring {
         &self.window
     }
 
+    /// Where the target was first seen, rig frame, m.
+    pub(super) fn acquired_m(&self) -> [f64; 3] {
+        self.acquired_m
+    }
+
     /// The newest pose.
-    pub(super) fn pose(&self) -> Option<&Isometry3<f64>> {
+    fn pose(&self) -> Option<&Isometry3<f64>> {
         self.window.last().map(|last| &last.pose)
     }
 

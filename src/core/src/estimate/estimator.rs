@@ -71,6 +71,8 @@ struct Tracking {
     tracker: Tracker,
     filter: Filter,
     motion: Motion,
+    /// Where it was acquired, rig frame, m.
+    acquired_m: [f64; 3],
     began: RigNs,
     measured: RigNs,
     /// The newest poses.
@@ -199,7 +201,8 @@ impl Estimator {
             Step::Hopeless => self.first_sight(frame, state),
             Step::Ready => {
                 let motion = Motion::FixedAxis;
-                match self.filter(acquiring.window(), motion) {
+                let acquired_m = acquiring.acquired_m();
+                match self.filter(acquiring.window(), motion, acquired_m) {
                     Some(filter) => {
                         let t = frame.shot().t;
                         let poses = acquiring.window().iter().copied().collect();
@@ -207,6 +210,7 @@ impl Estimator {
                             tracker: acquiring.into_tracker(),
                             filter,
                             motion,
+                            acquired_m,
                             began: t,
                             measured: t,
                             poses,
@@ -230,8 +234,8 @@ impl Estimator {
         }
     }
 
-    /// A filter from poses.
-    fn filter(&self, window: &[PoseMeasurement], motion: Motion) -> Option<Filter> {
+    /// A filter from poses of a target that was acquired at a place, rig frame.
+    fn filter(&self, window: &[PoseMeasurement], motion: Motion, acquired_m: [f64; 3]) -> Option<Filter> {
         let first = window.first()?;
         let priors: Vec<_> = self.sensors.iter().map(|sensor| sensor.prior(&first.pose.translation.vector)).collect();
         let options = match motion {
@@ -239,8 +243,12 @@ impl Estimator {
             Motion::FixedAxis => FilterOptions::fixed_axis(),
             Motion::FreeTumble => FilterOptions::free_tumble(),
         };
-        let options =
-            FilterOptions { method: self.settings.method, mean_motion_rps: self.settings.mean_motion_rps, ..options };
+        let options = FilterOptions {
+            method: self.settings.method,
+            mean_motion_rps: self.settings.mean_motion_rps,
+            orbit_center_m: self.settings.orbit_center_m.unwrap_or(acquired_m),
+            ..options
+        };
         // What moves by hand keeps to no steady motion as closely as its poses are known: they are then believed less.
         BELIEVED.iter().find_map(|share| {
             let poses: Vec<_> =
@@ -296,7 +304,7 @@ impl Estimator {
             return;
         }
         let poses: Vec<PoseMeasurement> = tracking.poses.iter().copied().collect();
-        if let Some(filter) = self.filter(&poses, Motion::FreeTumble) {
+        if let Some(filter) = self.filter(&poses, Motion::FreeTumble, tracking.acquired_m) {
             (tracking.filter, tracking.motion, tracking.began) = (filter, Motion::FreeTumble, t);
         }
     }

@@ -106,6 +106,25 @@ mod tests {
     }
 
     #[test]
+    fn about_another_place_the_same_motion_takes_place_there() {
+        let (n, dt, center) = (0.02, 20.0, [2.5, 0.1, -0.1]);
+        let (p, v) = (Vector3::new(0.1, -0.2, 0.3), Vector3::new(0.004, -0.002, 0.004));
+        let at_origin = ClohessyWiltshire::new(n, dt).moved(&p, &v);
+        let there = ClohessyWiltshire::new(n, dt).about(center).moved(&(p + Vector3::from(center)), &v);
+        assert!((there.0 - Vector3::from(center) - at_origin.0).norm() < 1e-12);
+        assert!((there.1 - at_origin.1).norm() < 1e-12);
+        // A point that rests at the place of reference stays; 2.5 m radially out it would be driven off.
+        let rest = Vector3::zeros();
+        assert_eq!(
+            ClohessyWiltshire::new(n, dt).about(center).moved(&Vector3::from(center), &rest).0,
+            Vector3::from(center)
+        );
+        assert!(
+            (ClohessyWiltshire::new(n, dt).moved(&Vector3::from(center), &rest).0 - Vector3::from(center)).norm() > 0.5
+        );
+    }
+
+    #[test]
     fn without_an_orbit_motion_is_uniform_and_series_meets_closed_form() {
         let (p, v) = (Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.01, 0.02, -0.03));
         let (found, speed) = ClohessyWiltshire::new(0.0, 4.5).moved(&p, &v);
