@@ -201,15 +201,13 @@ impl Sinks {
         if let Some(epochs) = &mut self.epochs {
             for epoch in &step.outputs.epochs {
                 let unix = self.publish.unix(epoch.t, step.wall);
-                let line = serde_json::to_string(&EpochLine::new(epoch, unix)).map_err(Failure::failed)?;
-                writeln!(epochs, "{line}").map_err(Failure::Output)?;
+                write_line(epochs, &EpochLine::new(epoch, unix))?;
             }
         }
         if let Some(states) = &mut self.states {
             for state in &step.outputs.states {
                 let line = StateLine::of_epoch(self.origin, state, self.publish.unix(state.t, step.wall));
-                let line = serde_json::to_string(&line).map_err(Failure::failed)?;
-                writeln!(states, "{line}").map_err(Failure::Output)?;
+                write_line(states, &line)?;
             }
         }
         if let Some(checkpoint) = &step.checkpoint {
@@ -238,6 +236,11 @@ impl Sinks {
         }
         self.recorder.map_or(Ok(()), |recorder| import::written(&recorder.finish()))
     }
+}
+
+fn write_line(to: &mut dyn Write, line: &impl Serialize) -> Result<(), Failure> {
+    let line = serde_json::to_string(line).map_err(Failure::failed)?;
+    writeln!(to, "{line}").map_err(Failure::Output)
 }
 
 fn writer(path: &Path) -> Result<Box<dyn Write>, Failure> {

@@ -1,6 +1,5 @@
 //! STATE: the target's pose and motion.
 
-use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::Epoch;
@@ -143,10 +142,7 @@ impl StateLine {
             reasons: state.reasons.clone(),
             frame: "rig".to_owned(),
             position_m: motion.map(|motion| motion.t_rig_target.translation.vector.into()),
-            rotation_xyzw: motion.map(|motion| {
-                let q = motion.t_rig_target.rotation.coords;
-                [q.x, q.y, q.z, q.w]
-            }),
+            rotation_xyzw: motion.map(|motion| motion.t_rig_target.rotation.coords.into()),
             velocity_mps: motion.map(|motion| motion.velocity_mps.into()),
             angular_velocity_rps: motion.map(|motion| motion.angular_velocity_rps.into()),
             spin: motion.and_then(spin),
@@ -187,7 +183,7 @@ impl Delivery {
 
 fn spin(motion: &TargetMotion) -> Option<SpinLine> {
     motion.spin.map(|spin| SpinLine {
-        axis: <[f64; 3]>::from(Vector3::from(spin.axis)),
+        axis: spin.axis.into(),
         rate_dps: spin.rate_rps.to_degrees(),
         axis_sigma_deg: spin.axis_sigma_rad.to_degrees(),
         rate_sigma_dps: spin.rate_sigma_rps.to_degrees(),
@@ -200,7 +196,7 @@ fn covariance(motion: &TargetMotion) -> Vec<[f64; 12]> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Isometry3, SMatrix, Translation3, UnitQuaternion};
+    use nalgebra::{Isometry3, SMatrix, Translation3, UnitQuaternion, Vector3};
     use tumbled_core::estimate::{SpinState, StateInputs};
     use tumbled_model::SensorId;
 

@@ -1,6 +1,5 @@
 //! A state as a datagram.
 
-use nalgebra::Vector3;
 use tumbled_core::estimate::{Mode, StateReason, TargetState, Validity};
 use tumbled_model::UnixNs;
 
@@ -26,13 +25,12 @@ impl Telemetry {
         };
         datagram.reasons = reason_bits(state.reasons.iter().copied().map(StateReason::name));
         let Some(motion) = &state.motion else { return datagram };
-        let (pose, q) = (&motion.t_rig_target, motion.t_rig_target.rotation.coords);
-        datagram.position_m = pose.translation.vector.into();
-        datagram.rotation_xyzw = [q.x, q.y, q.z, q.w];
+        datagram.position_m = motion.t_rig_target.translation.vector.into();
+        datagram.rotation_xyzw = motion.t_rig_target.rotation.coords.into();
         datagram.velocity_mps = motion.velocity_mps.into();
         datagram.angular_velocity_rps = motion.angular_velocity_rps.into();
         if let Some(spin) = &motion.spin {
-            datagram.spin_axis = Vector3::from(spin.axis).into();
+            datagram.spin_axis = spin.axis.into();
             datagram.spin_rate_rps = spin.rate_rps;
         }
         datagram.sigma = core::array::from_fn(|state| motion.covariance[(state, state)].sqrt());
@@ -42,7 +40,7 @@ impl Telemetry {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Isometry3, SMatrix};
+    use nalgebra::{Isometry3, SMatrix, Vector3};
     use tumbled_core::estimate::{StateInputs, TargetMotion};
     use tumbled_model::{RigNs, SensorId};
 

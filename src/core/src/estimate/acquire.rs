@@ -49,15 +49,11 @@ impl Acquiring {
     /// (method.md §3.3).
     pub(super) fn begin(frame: &TrackFrame) -> Self {
         let t_rig_target = Isometry3::from_parts(Translation3::from(middle(frame)), UnitQuaternion::identity());
-        Self::with(Tracker::begin(frame, &t_rig_target), frame, &t_rig_target)
+        Self::again(Tracker::begin(frame, &t_rig_target), frame, &t_rig_target)
     }
 
-    /// With a model that is there, seen again at a pose.
+    /// With a model that is there, seen at a pose.
     pub(super) fn again(tracker: Tracker, frame: &TrackFrame, t_rig_target: &Isometry3<f64>) -> Self {
-        Self::with(tracker, frame, t_rig_target)
-    }
-
-    fn with(tracker: Tracker, frame: &TrackFrame, t_rig_target: &Isometry3<f64>) -> Self {
         let shot = frame.shot();
         // The first pose is where it is by definition.
         let information = nalgebra::Matrix6::identity() * 1e6;

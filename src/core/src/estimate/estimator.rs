@@ -36,11 +36,11 @@ const TUMBLE_AFTER: Span = Span(3_000_000_000);
 const MANOEUVRE: u32 = 2;
 /// The least share of points on the model of a fit beyond doubt.
 const BEYOND_DOUBT: f64 = 0.7;
+/// What is then known of the motion, one axis: m/s and rad/s (90°/s).
+const DISTURBED: (f64, f64) = (0.3, core::f64::consts::FRAC_PI_2);
 /// So long after it the motion may go on changing, by so much from epoch to epoch: m/s and rad/s (20°/s).
 const UNSTEADY_FOR: Span = Span(400_000_000);
 const UNSTEADY: (f64, f64) = (0.1, 0.35);
-/// What is then known of the motion, one axis: m/s and rad/s (90°/s).
-const DISTURBED: (f64, f64) = (0.3, core::f64::consts::FRAC_PI_2);
 /// Shares of the poses' information with which a filter is begun, until it can be.
 const BELIEVED: [f64; 3] = [1.0, 1.0 / 16.0, 1.0 / 256.0];
 /// Epochs between two tries to find a lost target again.
@@ -122,10 +122,9 @@ impl Estimator {
         let Some(number) = self.sensors.iter().position(|sensor| sensor.id == epoch.sensor) else {
             return blank(epoch, false);
         };
-        let expected = self.expectation(epoch.t);
+        let (expected, motion) = self.expectation(epoch.t);
         let mut segment = core::mem::take(&mut self.segment);
         self.segmenter.segment(epoch, expected.as_ref(), &mut segment);
-        let motion = self.rig_motion(epoch.t);
         let is_kinect = self.sensors.get(number).is_some_and(|sensor| sensor.is_kinect);
         let mut state = blank(epoch, is_kinect);
         state.inputs.points = segment.indices.len() as u32;
@@ -143,30 +142,25 @@ impl Estimator {
         state
     }
 
-    /// Where the target should be seen.
-    fn expectation(&self, t: RigNs) -> Option<Expectation> {
-        let (pose, radius_m) = match &self.stage {
-            Stage::Empty | Stage::Lost(..) => return None,
-            Stage::Acquiring(acquiring) => (acquiring.expected(t), reach_m(acquiring.tracker())),
-            Stage::Tracking(tracking) => (tracking.filter.predict(t).t_rig_target, reach_m(&tracking.tracker)),
-        };
-        // Of one side alone the other may be as large.
-        Some(Expectation { center: Point3::from(pose.translation.vector), radius_m: 1.3 * radius_m + BEYOND_M })
-    }
-
-    fn rig_motion(&self, t: RigNs) -> RigMotion {
-        match &self.stage {
-            Stage::Empty | Stage::Lost(..) => RigMotion::STILL,
-            Stage::Acquiring(acquiring) => acquiring.motion(),
+    /// Where the target should be seen, and how it should move.
+    fn expectation(&self, t: RigNs) -> (Option<Expectation>, RigMotion) {
+        let (pose, motion, tracker) = match &self.stage {
+            Stage::Empty | Stage::Lost(..) => return (None, RigMotion::STILL),
+            Stage::Acquiring(acquiring) => (acquiring.expected(t), acquiring.motion(), acquiring.tracker()),
             Stage::Tracking(tracking) => {
                 let estimate = tracking.filter.predict(t);
-                RigMotion {
-                    angular_rps: estimate.t_rig_target.rotation * estimate.angular_velocity_rps,
+                let pose = estimate.t_rig_target;
+                let motion = RigMotion {
+                    angular_rps: pose.rotation * estimate.angular_velocity_rps,
                     velocity_mps: estimate.velocity_mps,
-                    center: Point3::from(estimate.t_rig_target.translation.vector),
-                }
+                    center: Point3::from(pose.translation.vector),
+                };
+                (pose, motion, &tracking.tracker)
             }
-        }
+        };
+        // Of one side alone the other may be as large.
+        let radius_m = 1.3 * reach_m(tracker) + BEYOND_M;
+        (Some(Expectation { center: Point3::from(pose.translation.vector), radius_m }), motion)
     }
 
     /// One frame through the stage.
@@ -180,8 +174,8 @@ impl Estimator {
     }
 
     fn first_sight(&mut self, frame: &TrackFrame, state: &mut TargetState) -> Stage {
-        if frame.len() < FIRST_SIGHT {
-            state.reasons.push(if frame.is_empty() { StateReason::NoPoints } else { StateReason::FewPoints });
+        if let Some(reason) = too_few(frame) {
+            state.reasons.push(reason);
             return Stage::Empty;
         }
         state.mode = Mode::Acquiring;
@@ -318,8 +312,8 @@ impl Estimator {
         workers: &Workers,
     ) -> Stage {
         state.mode = Mode::Lost;
-        if frame.len() < FIRST_SIGHT {
-            state.reasons.push(if frame.is_empty() { StateReason::NoPoints } else { StateReason::FewPoints });
+        if let Some(reason) = too_few(frame) {
+            state.reasons.push(reason);
             return Stage::Lost(tracker, last, epochs);
         }
         if epochs % TRY_EVERY != 0 {
@@ -380,7 +374,7 @@ impl Tracking {
             reasons.push(StateReason::Manoeuvre);
         }
         let mut verdict = self.filter.update(&measurement);
-        let is_sure = fit.is_firm() && fit.inliers as f64 >= BEYOND_DOUBT * fit.used as f64;
+        let is_sure = fit.is_firm() && fit.covers(BEYOND_DOUBT);
         self.refused = if is_sure && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
         if self.refused >= MANOEUVRE || self.refused > 0 && verdict.lost {
             self.filter.disturb(DISTURBED.0, DISTURBED.1);
@@ -408,6 +402,11 @@ impl Tracking {
         }
         Measured { nis: verdict.nis, fit: Some(fit), reasons, used, lost: verdict.lost }
     }
+}
+
+/// Why nothing can be begun with a frame.
+fn too_few(frame: &TrackFrame) -> Option<StateReason> {
+    (frame.len() < FIRST_SIGHT).then(|| if frame.is_empty() { StateReason::NoPoints } else { StateReason::FewPoints })
 }
 
 /// How far the model reaches from the target's origin, m.

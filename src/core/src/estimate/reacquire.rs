@@ -35,5 +35,5 @@ pub(super) fn found(
 }
 
 fn is_sure(fit: &Fit) -> bool {
-    fit.is_trusted() && fit.is_firm() && fit.inliers as f64 >= SURE * fit.used as f64
+    fit.is_trusted() && fit.is_firm() && fit.covers(SURE)
 }

@@ -42,7 +42,12 @@ pub struct Fit {
 impl Fit {
     /// Whether the pose is to be believed: enough of the frame lies on the model.
     pub fn is_trusted(&self) -> bool {
-        self.inliers >= LEAST_INLIERS && self.inliers as f64 >= LEAST_SHARE * self.used as f64
+        self.inliers >= LEAST_INLIERS && self.covers(LEAST_SHARE)
+    }
+
+    /// Whether at least a share of the frame's points, 0..=1, lies on the model.
+    pub fn covers(&self, share: f64) -> bool {
+        self.inliers as f64 >= share * self.used as f64
     }
 
     /// Whether every direction of the pose is held well enough to insert the frame into the model.
