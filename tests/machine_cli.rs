@@ -90,9 +90,11 @@ fn a_rig_that_is_ready_is_found_healthy() {
     assert_eq!((lidar.level, lidar.subject.as_deref()), (Level::Ok, Some("front")));
     assert!(lidar.message.contains("vlp-32c at 127.0.0.1: "), "{}", lidar.message);
     assert!(lidar.message.contains(" rpm, dual return"), "{}", lidar.message);
-    for check in ["config", "udp_port", "disk", "stream"] {
+    for check in ["config", "udp_port", "stream"] {
         assert_eq!(found(&report, check).level, Level::Ok, "{report:#?}");
     }
+    // How much is free is this machine's own; a disk with little left is a warning.
+    assert_ne!(found(&report, "disk").level, Level::Fail, "{report:#?}");
     let text = bench.run(&["doctor", "--config", "rig.toml", "--listen", "300ms"]);
     assert!(text.code == 0 && text.stdout.contains("lidar front"), "{}", text.stdout);
 }
