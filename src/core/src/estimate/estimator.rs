@@ -38,9 +38,11 @@ const MANOEUVRE: u32 = 2;
 const BEYOND_DOUBT: f64 = 0.7;
 /// What is then known of the motion, one axis: m/s and rad/s (90°/s).
 const DISTURBED: (f64, f64) = (0.3, core::f64::consts::FRAC_PI_2);
+/// So long it went unnoticed, s: the frames that were refused.
+const UNNOTICED_S: f64 = 0.1;
 /// So long after it the motion may go on changing, by so much from epoch to epoch: m/s and rad/s (20°/s).
 const UNSTEADY_FOR: Span = Span(400_000_000);
-const UNSTEADY: (f64, f64) = (0.1, 0.35);
+const UNSTEADY: (f64, f64) = (0.05, 0.17);
 /// Shares of the poses' information with which a filter is begun, until it can be.
 const BELIEVED: [f64; 3] = [1.0, 1.0 / 16.0, 1.0 / 256.0];
 /// Epochs between two tries to find a lost target again.
@@ -370,14 +372,14 @@ impl Tracking {
             PoseMeasurement { t: shot.t, sensor: shot.sensor, pose: fit.t_rig_target, information: fit.information };
         let mut reasons = Vec::new();
         if shot.t < self.unsteady_until {
-            self.filter.disturb(UNSTEADY.0, UNSTEADY.1);
+            self.filter.disturb(UNSTEADY.0, UNSTEADY.1, 0.0);
             reasons.push(StateReason::Manoeuvre);
         }
         let mut verdict = self.filter.update(&measurement);
         let is_sure = fit.is_firm() && fit.covers(BEYOND_DOUBT);
         self.refused = if is_sure && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
         if self.refused >= MANOEUVRE || self.refused > 0 && verdict.lost {
-            self.filter.disturb(DISTURBED.0, DISTURBED.1);
+            self.filter.disturb(DISTURBED.0, DISTURBED.1, UNNOTICED_S);
             verdict = self.filter.update(&measurement);
             self.unsteady_until = shot.t + UNSTEADY_FOR;
             self.axes.iter_mut().for_each(AxisTest::forget);

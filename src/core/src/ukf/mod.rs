@@ -99,13 +99,13 @@ impl Filter {
         verdict
     }
 
-    /// Something has pushed the target, or its stage starts or stops: velocity and rate are known no better than these, one
-    /// axis, m/s and rad/s, and the pose no better than what that makes in a tenth of a second. Calibration stays as it is.
-    pub fn disturb(&mut self, sigma_velocity_mps: f64, sigma_rate_rps: f64) {
-        const UNSEEN_S: f64 = 0.1;
+    /// Something pushes the target, or its stage starts or stops: velocity and rate are known no better than these, one axis,
+    /// m/s and rad/s, and the pose no better than what that made in the `unseen_s` seconds before it was noticed. Calibration
+    /// stays as it is.
+    pub fn disturb(&mut self, sigma_velocity_mps: f64, sigma_rate_rps: f64, unseen_s: f64) {
         let widened = [
-            (0, sigma_rate_rps * UNSEEN_S),
-            (3, sigma_velocity_mps * UNSEEN_S),
+            (0, sigma_rate_rps * unseen_s),
+            (3, sigma_velocity_mps * unseen_s),
             (VELOCITY, sigma_velocity_mps),
             (RATE, sigma_rate_rps),
         ];
