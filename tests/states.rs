@@ -55,6 +55,23 @@ fn the_same_states_on_any_number_of_threads() {
 }
 
 #[test]
+fn captures_of_other_programs_give_what_the_recording_gives() {
+    let bench = Workbench::new();
+    turntable(&bench, "2s", &[]);
+    let ours = states(&bench, &RECORDED);
+    let theirs = states(&bench, &["sim/velodyne.pcap", "sim/kinect", "--config", "sim/rig.toml"]);
+    assert_eq!(ours.len(), theirs.len());
+    // Session time 0 is another one: the capture's first host stamp. A fakenect stamp is of whole microseconds.
+    for (ours, theirs) in ours.iter().zip(&theirs) {
+        let wall = |state: &StateLine| state.unix_ns.parse::<i64>().expect("nanoseconds");
+        assert!((wall(ours) - wall(theirs)).abs() < 20_000, "{} and {}", ours.unix_ns, theirs.unix_ns);
+        assert_eq!((ours.mode, &ours.reasons), (theirs.mode, &theirs.reasons));
+    }
+    let last = |all: &[StateLine]| Vector3::from(all.last().and_then(|state| state.position_m).expect("a place"));
+    assert!((last(&ours) - last(&theirs)).norm() < 1e-4);
+}
+
+#[test]
 fn either_sensor_alone_tracks_and_says_that_it_is_alone() {
     let bench = Workbench::new();
     turntable(&bench, "1800ms", &[]);
