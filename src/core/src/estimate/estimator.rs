@@ -2,12 +2,12 @@
 
 use super::acquire::{Acquiring, Step};
 use super::axis::AxisTest;
-use super::reacquire;
+use super::reacquire::Missed;
 use super::sensors::{self, PointSensor};
 use super::settings::{EstimateSettings, TargetMotionKind, TargetSearch};
 use super::state::{Mode, SpinState, StateInputs, StateReason, TargetMotion, TargetState, Validity};
 use crate::config::CoreConfig;
-use crate::epoch::Epoch;
+use crate::epoch::{Epoch, Scan};
 use crate::segment::{Expectation, Search, Segment, Segmenter};
 use crate::track::{Fit, RigMotion, TrackFrame, Tracker};
 use crate::ukf::{Estimate, Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement, Used};
@@ -47,9 +47,9 @@ const UNSTEADY: (f64, f64) = (0.05, 0.17);
 const BELIEVED: [f64; 3] = [1.0, 1.0 / 16.0, 1.0 / 256.0];
 /// A start that refuses one pose or more to so many that it takes was of no steady motion.
 const UNSTEADY_START: u64 = 2;
-/// Epochs between two tries to find a lost target again.
-const TRY_EVERY: u32 = 5;
-
+/// Of a LiDAR's crossing, the share that must have been seen for a target to be begun with it: one that the stream begins or
+/// breaks off in shows a part of the target, and the frame's origin would be that part's.
+const WHOLE_CROSSING: f64 = 0.8;
 /// The estimation: one for a session.
 #[derive(Debug)]
 pub(crate) struct Estimator {
@@ -65,8 +65,7 @@ enum Stage {
     Empty,
     Acquiring(Box<Acquiring>),
     Tracking(Box<Tracking>),
-    /// Its model, where it was last, and epochs since.
-    Lost(Box<Tracker>, Isometry3<f64>, u32),
+    Lost(Box<Missed>),
 }
 
 /// A target that is tracked.
@@ -89,6 +88,8 @@ struct Tracking {
     refused: u32,
     /// Until when the motion may go on changing.
     unsteady_until: RigNs,
+    /// Of each sensor, the most points it was tracked with.
+    most_points: Vec<usize>,
 }
 
 /// What an epoch meant for a tracked target.
@@ -132,6 +133,9 @@ impl Estimator {
         let is_kinect = self.sensors.get(number).is_some_and(|sensor| sensor.is_kinect);
         let mut state = blank(epoch, is_kinect);
         state.inputs.points = segment.indices.len() as u32;
+        if matches!(self.stage, Stage::Empty | Stage::Lost(_)) && is_part_of_a_crossing(epoch) {
+            segment.indices.clear();
+        }
         if let Some(sensor) = self.sensors.get(number) {
             let frame = sensor.frame(number, epoch, &segment.indices, &motion);
             self.advance(&frame, &mut state, workers);
@@ -149,7 +153,7 @@ impl Estimator {
     /// Where the target should be seen, and how it should move.
     fn expectation(&self, t: RigNs) -> (Option<Expectation>, RigMotion) {
         let (pose, motion, tracker) = match &self.stage {
-            Stage::Empty | Stage::Lost(..) => return (None, RigMotion::STILL),
+            Stage::Empty | Stage::Lost(_) => return (None, RigMotion::STILL),
             Stage::Acquiring(acquiring) => (acquiring.expected(t), acquiring.motion(), acquiring.tracker()),
             Stage::Tracking(tracking) => {
                 let estimate = tracking.filter.predict(t);
@@ -173,7 +177,7 @@ impl Estimator {
             Stage::Empty => self.first_sight(frame, state),
             Stage::Acquiring(acquiring) => self.acquire(acquiring, frame, state),
             Stage::Tracking(tracking) => self.track(tracking, frame, state),
-            Stage::Lost(tracker, last, epochs) => self.search(tracker, (last, epochs), frame, state, workers),
+            Stage::Lost(missed) => self.search(missed, frame, state, workers),
         };
     }
 
@@ -216,6 +220,7 @@ impl Estimator {
                             tumbles: self.settings.motion == TargetMotionKind::Tumble,
                             refused: 0,
                             unsteady_until: t,
+                            most_points: vec![0; self.sensors.len()],
                         };
                         self.note_measured(frame);
                         self.tell(&tracking.filter.estimate(), state);
@@ -281,7 +286,8 @@ impl Estimator {
             state.mode = Mode::Lost;
             state.reasons.push(StateReason::Stale);
             let last = tracking.poses.back().map_or_else(Isometry3::identity, |pose| pose.pose);
-            return Stage::Lost(Box::new(tracking.tracker), last, 0);
+            let Tracking { tracker, most_points, .. } = *tracking;
+            return Stage::Lost(Box::new(Missed::new(tracker, last, most_points)));
         }
         self.tell(&tracking.filter.predict(t), state);
         state.mode = if measured.used { Mode::Tracking } else { Mode::Predicted };
@@ -317,31 +323,22 @@ impl Estimator {
 
     fn search(
         &mut self,
-        mut tracker: Box<Tracker>,
-        (last, epochs): (Isometry3<f64>, u32),
+        mut missed: Box<Missed>,
         frame: &TrackFrame,
         state: &mut TargetState,
         workers: &Workers,
     ) -> Stage {
         state.mode = Mode::Lost;
-        if let Some(reason) = too_few(frame) {
-            state.reasons.push(reason);
-            return Stage::Lost(tracker, last, epochs);
-        }
-        if epochs % TRY_EVERY != 0 {
-            return Stage::Lost(tracker, last, epochs + 1);
-        }
-        match reacquire::found(&mut tracker, &last, frame, workers) {
-            Some(pose) => {
+        match too_few(frame).map_or_else(|| missed.look(frame, workers), Err) {
+            Ok(Some(pose)) => {
                 state.mode = Mode::Acquiring;
                 state.reasons.push(StateReason::Settling);
-                Stage::Acquiring(Box::new(Acquiring::again(*tracker, frame, &pose)))
+                return Stage::Acquiring(Box::new(Acquiring::again(missed.tracker, frame, &pose)));
             }
-            None => {
-                state.reasons.push(StateReason::Ambiguous);
-                Stage::Lost(tracker, last, epochs + 1)
-            }
+            Ok(None) => {}
+            Err(reason) => state.reasons.push(reason),
         }
+        Stage::Lost(missed)
     }
 
     fn note_measured(&mut self, frame: &TrackFrame) {
@@ -405,6 +402,9 @@ impl Tracking {
         }
         if used {
             self.measured = shot.t;
+            if let Some(most) = self.most_points.get_mut(shot.sensor) {
+                *most = frame.len().max(*most);
+            }
             self.tracker.accept(frame, &fit);
             if let Some(axis) = self.axes.get_mut(shot.sensor) {
                 self.tumbles |= axis.moves(&fit.t_rig_target.rotation);
@@ -419,6 +419,11 @@ impl Tracking {
 /// Why nothing can be begun with a frame.
 fn too_few(frame: &TrackFrame) -> Option<StateReason> {
     (frame.len() < FIRST_SIGHT).then(|| if frame.is_empty() { StateReason::NoPoints } else { StateReason::FewPoints })
+}
+
+/// Whether a LiDAR saw a part of the region only.
+fn is_part_of_a_crossing(epoch: &Epoch) -> bool {
+    matches!(&epoch.scan, Scan::Lidar(scan) if scan.coverage < WHOLE_CROSSING)
 }
 
 /// How far the model reaches from the target's origin, m.

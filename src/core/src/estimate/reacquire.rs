@@ -1,5 +1,6 @@
 //! A lost target is looked for where it was, and then everywhere: what is seen against the model of it.
 
+use super::state::StateReason;
 use crate::register::{CgaOptions, Cloud, View, cga};
 use crate::track::{Fit, TrackFrame, Tracker};
 use crate::workers::Workers;
@@ -10,9 +11,80 @@ const SURE: f64 = 0.8;
 /// The least probability of the pose among those that were found.
 const PROBABLE: f64 = 0.9;
 
+/// Epochs between two tries to find a lost target again.
+const TRY_EVERY: u32 = 5;
+/// It is looked for in frames with this share of the most points it was tracked with: a corner of it that comes into the
+/// region fits the model in many places.
+const LEAST_RETURNED: f64 = 0.4;
+/// A frame with so much more points than the sensor's one before sees it come in.
+const STEADY: f64 = 1.15;
+/// Two frames in a row have to show it, so little turned and moved between them, rad and m: a sixth of a second.
+const TURNED_RAD: f64 = 0.2;
+const MOVED_M: f64 = 0.1;
+
+/// A target that was tracked and is looked for.
+#[derive(Debug)]
+pub(super) struct Missed {
+    /// Its model.
+    pub(super) tracker: Tracker,
+    /// Where it was last.
+    last: Isometry3<f64>,
+    /// Frames since in which it could have been.
+    frames: u32,
+    /// Of each sensor, the most points it was tracked with, and those of its newest frame since.
+    points: Vec<(usize, usize)>,
+    /// Where the frame before showed it.
+    seen: Option<Isometry3<f64>>,
+}
+
+impl Missed {
+    /// Lost just now.
+    pub(super) fn new(tracker: Tracker, last: Isometry3<f64>, most_points: Vec<usize>) -> Self {
+        let points = most_points.into_iter().map(|most| (most, 0)).collect();
+        Self { tracker, last, frames: 0, points, seen: None }
+    }
+
+    /// The pose at which a frame shows it; `None`: this frame was not looked at.
+    ///
+    /// # Errors
+    /// Why it is not found in it.
+    pub(super) fn look(
+        &mut self,
+        frame: &TrackFrame,
+        workers: &Workers,
+    ) -> Result<Option<Isometry3<f64>>, StateReason> {
+        let points = frame.len() as f64;
+        if let Some((most, newest)) = self.points.get_mut(frame.shot().sensor) {
+            let is_steady = points <= STEADY * *newest as f64;
+            *newest = frame.len();
+            if points < LEAST_RETURNED * *most as f64 || !is_steady {
+                self.seen = None;
+                return Err(StateReason::FewPoints);
+            }
+        }
+        self.frames += 1;
+        if !(self.frames - 1).is_multiple_of(TRY_EVERY) {
+            return Ok(None);
+        }
+        let before = self.seen.take();
+        let Some(pose) = found(&mut self.tracker, &self.last, frame, workers) else {
+            return Err(StateReason::Ambiguous);
+        };
+        let is_same = |before: Isometry3<f64>| {
+            let way = before.translation.vector - pose.translation.vector;
+            before.rotation.angle_to(&pose.rotation) < TURNED_RAD && way.norm() < MOVED_M
+        };
+        if before.is_some_and(is_same) {
+            return Ok(Some(pose));
+        }
+        self.seen = Some(pose);
+        Ok(None)
+    }
+}
+
 /// The pose at which a frame shows the model; `last`: where the target was seen last. `None`: it does not show it, or
 /// several poses are as good.
-pub(super) fn found(
+fn found(
     tracker: &mut Tracker,
     last: &Isometry3<f64>,
     frame: &TrackFrame,
