@@ -26,7 +26,9 @@ fn the_built_in_session_listens_on_loopback_and_records_in_parts() {
     let Config { time, stream, record, .. } = with(&[]);
     let expected = TimeConfig { hold: Span(150_000_000), silent_after: Span(2_000_000_000), clock: ClockMethod::Hull };
     assert_eq!(time, expected);
-    let StreamConfig { tcp, unix, foxglove, telemetry, max_cloud_points } = stream;
+    let StreamConfig { tcp, unix, control, foxglove, telemetry, max_cloud_points } = stream;
+    let control = control.expect("a socket");
+    assert_eq!((control.path.to_str(), control.configured), (Some("/run/tumbled/control.sock"), false));
     assert_eq!(telemetry, None);
     assert_eq!(tcp, "127.0.0.1:7117".parse().ok());
     assert_eq!(foxglove, "127.0.0.1:8765".parse().ok());

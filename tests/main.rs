@@ -1,6 +1,7 @@
 //! The one integration binary: on a small machine linking is the cost, and one link is cheaper than ten.
 
 mod architecture;
+mod background;
 mod cli_basics;
 mod config_cli;
 mod config_layers;
@@ -44,6 +45,8 @@ mod simulated_stage;
 mod simulated_times;
 mod soak;
 mod stalls;
+mod state_live;
+mod state_losses;
 mod states;
 mod status_cli;
 mod stream_limits;

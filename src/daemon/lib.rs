@@ -17,6 +17,7 @@
 pub mod cli;
 pub mod clouds;
 pub mod config;
+pub mod control;
 pub mod decoding;
 pub mod evaluation;
 pub mod experiment;

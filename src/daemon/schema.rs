@@ -55,6 +55,8 @@ pub fn outputs() -> Vec<Published> {
         },
         Published { file: "docs/schema/diff.schema.json", schema: schema_for!(crate::cli::diff::DiffReport) },
         Published { file: "docs/schema/export.schema.json", schema: schema_for!(crate::cli::export::Report) },
+        Published { file: "docs/schema/control-request.schema.json", schema: schema_for!(crate::control::OrderLine) },
+        Published { file: "docs/schema/control-answer.schema.json", schema: schema_for!(crate::control::Reply) },
         Published { file: "docs/schema/import.schema.json", schema: schema_for!(crate::cli::import::ImportReport) },
         Published { file: "docs/schema/record.schema.json", schema: schema_for!(crate::cli::record::RecordReport) },
         Published {

@@ -34,6 +34,10 @@ pub enum NoticeKind {
     UnknownSensor,
     /// An operator's marker.
     Marker,
+    /// The empty room is learned, or forgotten.
+    Background,
+    /// The target was forgotten on an operator's order.
+    Reset,
     /// The config was changed.
     Configured,
     /// A turntable's angle is no truth any more, or is again.
@@ -53,6 +57,8 @@ impl NoticeKind {
             Self::Malformed => "malformed",
             Self::UnknownSensor => "unknown_sensor",
             Self::Marker => "marker",
+            Self::Background => "background",
+            Self::Reset => "reset",
             Self::Configured => "configured",
             Self::Truth => "truth",
             Self::Shedding => "shedding",

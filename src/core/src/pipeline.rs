@@ -106,8 +106,12 @@ impl Pipeline {
         self.channels.configure(&config);
         self.boundaries = ScanBoundaries::new(&config);
         self.aligner.set_hold(config.timing.hold);
-        self.estimator.configure(&config);
+        let forgot = self.estimator.configure(&config);
         self.config = config;
+        if forgot {
+            let message = "the background is forgotten, for a sensor stands elsewhere: let it be learned again";
+            self.note_session(NoticeKind::Background, Gravity::Warn, message.to_owned());
+        }
         self.note_session(NoticeKind::Configured, Gravity::Info, "the config was changed".to_owned());
     }
 
@@ -131,6 +135,7 @@ impl Pipeline {
             Body::Command(Command::Marker { text }) => {
                 self.note(SESSION, event.arrived, NoticeKind::Marker, Gravity::Info, format!("marker: {text}"));
             }
+            Body::Command(command) => self.estimator.order(event.arrived, command),
             _ => {}
         }
         self.aligner.release(&mut out.epochs, &mut out.done);
@@ -166,8 +171,12 @@ impl Pipeline {
     /// The target after every epoch that was given out since.
     fn estimate(&mut self, out: &mut Outputs) {
         let (epochs, states) = (&out.epochs, &mut out.states);
+        let mut told = Vec::new();
         for epoch in epochs.get(states.len()..).unwrap_or_default() {
-            states.push(self.estimator.take(epoch, &self.workers));
+            states.push(self.estimator.take(epoch, &self.workers, &mut told));
+        }
+        for (kind, gravity, message) in told {
+            self.note_session(kind, gravity, message);
         }
     }
 

@@ -9,6 +9,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 
 pub mod campaign;
 pub mod config;
+pub mod ctl;
 pub mod devices;
 pub mod diff;
 pub mod doctor;
@@ -107,6 +108,8 @@ enum Command {
     Diff(diff::Args),
     /// Tell how a running daemon is doing.
     Status(status::Args),
+    /// Give a running daemon an order: learn the empty room, reset the filter, write a marker.
+    Ctl(ctl::Args),
     /// Check, show, describe or write a config.
     #[command(subcommand)]
     Config(config::Command),
@@ -137,6 +140,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Status(args) => status::run(&args),
+        Command::Ctl(args) => ctl::run(&args),
         Command::Config(command) => config::run(command),
         Command::Doctor(args) => doctor::run(&args),
         Command::Devices(args) => devices::run(&args),

@@ -19,6 +19,7 @@ use super::record::RecorderArgs;
 use super::signals::{self, Signals};
 use super::{ConfigArgs, Failure, Outcome, output, render};
 use crate::config::{Loaded, show};
+use crate::control::{self, ControlServer};
 use crate::quantity;
 use crate::session::chain::rig_digest;
 use crate::session::live::{self, CorePart, RecordingPart};
@@ -171,9 +172,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         options: args.recorder.options(&loaded.config.record),
     });
     let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive)?;
+    let control = loaded.config.stream.control.as_ref().map(control::Listener::bind).transpose();
+    let control = control.map_err(Failure::input)?.flatten();
     let core = CorePart { config: core_config, engine, publish };
     let rig = simulated.map_or(Rig::Devices, Rig::Simulated);
     let session = LiveSession::start(rig, &loaded.config, &clock, &signals.stop, recording, Some(core))?;
+    let background_s = loaded.config.target.background_s;
+    let take_orders = |listener| ControlServer::start(listener, session.control().clone(), clock.clone(), background_s);
+    let control = control.map(take_orders).transpose().map_err(Failure::failed)?;
     tracing::info!(origin = origin.name(), "running");
     // Where it listens is as it always is: no key was set.
     if scene.is_some() && args.settings.is_empty() {
@@ -183,6 +189,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let reload = || args.load(scene.as_deref());
     let timed_out = supervise(args, &reload, &session, &server, &signals, &clock, &mut loaded);
+    if let Some(control) = control {
+        control.stop();
+    }
     let end = session.end();
     server.stop();
     let report = report(&about, scene.as_deref(), end)?;

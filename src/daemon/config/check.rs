@@ -48,6 +48,8 @@ pub(super) fn check_rules(
             roi_center: Point::new(x, y, z),
             roi_radius_m: raw.target.roi_radius_m,
             search: raw.target.search,
+            background: raw.target.background,
+            background_s: raw.target.background_s,
         },
         points_of_interest: raw.points_of_interest.into_iter().map(typed_point).collect(),
         time,

@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::check::{Rules, span_of_ms};
 use super::layers::keys;
 use super::raw_session::{RawRecord, RawStream, RawTime};
-use super::session::{DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
+use super::session::{DEFAULT_CONTROL_SOCKET, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 use crate::quantity;
 
 /// The longest path of a Unix socket, bytes: `sun_path` has 108 with its end mark.
@@ -30,9 +30,11 @@ pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamCon
         let message = format!("`stream.tcp` and `stream.foxglove` are both {tcp}");
         rules.broken(&keys(&["stream", "foxglove"]), message, "give each a port of its own");
     }
-    let unix = unix_path(rules, &raw.unix);
+    let unix = unix_path(rules, "unix", &raw.unix, DEFAULT_STREAM_SOCKET);
+    let control = unix_path(rules, "control", &raw.control, DEFAULT_CONTROL_SOCKET);
     let max_cloud_points = usize::try_from(raw.max_cloud_points).unwrap_or(usize::MAX);
-    Some(StreamConfig { tcp: tcp?, unix: unix?, foxglove: foxglove?, telemetry: telemetry?, max_cloud_points })
+    let (unix, control) = (unix?, control?);
+    Some(StreamConfig { tcp: tcp?, unix, control, foxglove: foxglove?, telemetry: telemetry?, max_cloud_points })
 }
 
 /// `Some(None)`: none is wanted. `None`: no address, reported.
@@ -52,8 +54,8 @@ fn socket_address(rules: &mut Rules<'_>, key: &str, text: &str, usual_port: u16)
 }
 
 /// `Some(None)`: none is wanted. `None`: too long, reported.
-fn unix_path(rules: &mut Rules<'_>, text: &str) -> Option<Option<UnixPath>> {
-    let at = keys(&["stream", "unix"]);
+fn unix_path(rules: &mut Rules<'_>, key: &str, text: &str, default: &str) -> Option<Option<UnixPath>> {
+    let at = keys(&["stream", key]);
     let Some(path) = rules.path(&at, Some(text)) else { return Some(None) };
     let length = path.as_os_str().len();
     if length > SOCKET_PATH_BYTES {
@@ -61,7 +63,7 @@ fn unix_path(rules: &mut Rules<'_>, text: &str) -> Option<Option<UnixPath>> {
         rules.broken(&at, message, "choose a shorter one, e.g. below /run or /tmp; empty: no socket");
         return None;
     }
-    let configured = path != Path::new(DEFAULT_STREAM_SOCKET);
+    let configured = path != Path::new(default);
     Some(Some(UnixPath { path, configured }))
 }
 

@@ -38,10 +38,11 @@ pub use layers::{ConfigError, load, load_recorded};
 pub use origin::Layer;
 pub use problem::{Gravity, Problem, ProblemReport};
 pub use raw::{
-    Hdl32eStamp, Intrinsics, LidarModel, RawKinectSigma, RawLidarSigma, Switch, TargetSearch, TurntableProtocol,
+    BackgroundName, Hdl32eStamp, Intrinsics, LidarModel, RawKinectSigma, RawLidarSigma, Switch, TargetSearch,
+    TurntableProtocol,
 };
 pub use raw_session::{ClockMethod, FilterMethodName, MotionName, RawFilter};
-pub use session::{DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
+pub use session::{DEFAULT_CONTROL_SOCKET, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 
 /// The commented default, as `tumbled config init` writes it.
 pub const COMMENTED_DEFAULT: &str = include_str!("../../../config/rig.toml");
@@ -173,6 +174,10 @@ pub struct TargetConfig {
     pub roi_radius_m: f64,
     /// What is taken for the target.
     pub search: TargetSearch,
+    /// What is learned of the empty room without an order.
+    pub background: BackgroundName,
+    /// For how long the empty room is learned, s; 0.1 to 600.
+    pub background_s: f64,
 }
 
 /// A named point of the target.

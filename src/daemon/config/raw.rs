@@ -364,11 +364,34 @@ pub struct RawTarget {
     /// What is taken for the target: `region`: the cluster in the region; `nearest`: the nearest isolated cluster, wherever
     /// it stands; `everything`: all that is seen, for a rig that moves before a scene that stands still.
     pub search: TargetSearch,
+    /// What of the room is left out: `none`: nothing but planes that go on beyond the target; `start`: all that is seen at
+    /// the session's start, when the room is empty.
+    pub background: BackgroundName,
+    /// Seconds for which the empty room is learned: at the start, and on an operator's order.
+    #[schemars(range(min = 0.1, max = 600.0))]
+    pub background_s: f64,
+}
+
+/// What is learned of the empty room without an order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum BackgroundName {
+    /// Nothing.
+    #[default]
+    None,
+    /// What is seen at the session's start.
+    Start,
 }
 
 impl Default for RawTarget {
     fn default() -> Self {
-        Self { roi_center_m: [2.0, 0.0, 0.0], roi_radius_m: 1.2, search: TargetSearch::Region }
+        Self {
+            roi_center_m: [2.0, 0.0, 0.0],
+            roi_radius_m: 1.2,
+            search: TargetSearch::Region,
+            background: BackgroundName::None,
+            background_s: 3.0,
+        }
     }
 }
 

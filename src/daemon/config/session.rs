@@ -12,6 +12,9 @@ use super::raw_session::ClockMethod;
 /// The state stream's Unix socket unless the config names another.
 pub const DEFAULT_STREAM_SOCKET: &str = "/run/tumbled/state.sock";
 
+/// The control socket unless the config names another.
+pub const DEFAULT_CONTROL_SOCKET: &str = "/run/tumbled/control.sock";
+
 /// How the sensors' data are brought to one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimeConfig {
@@ -30,6 +33,8 @@ pub struct StreamConfig {
     pub tcp: Option<SocketAddr>,
     /// The state stream's Unix socket.
     pub unix: Option<UnixPath>,
+    /// Where operators give orders.
+    pub control: Option<UnixPath>,
     /// Where viewers that speak the Foxglove protocol connect; port 0 = any free port.
     pub foxglove: Option<SocketAddr>,
     /// Where telemetry is sent.
@@ -43,7 +48,7 @@ pub struct StreamConfig {
 pub struct UnixPath {
     /// The path; short enough for a socket.
     pub path: PathBuf,
-    /// Somebody chose it: that it cannot be made is an error. [`DEFAULT_STREAM_SOCKET`] wants a folder that only an
+    /// Somebody chose it: that it cannot be made is an error. A default path wants a folder that only an
     /// installed service has, so there its absence is a warning, whoever wrote it down.
     pub configured: bool,
 }

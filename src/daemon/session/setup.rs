@@ -3,10 +3,12 @@
 use tumbled_core::estimate::{EstimateSettings, TargetMotionKind, TargetSearch, Trust};
 use tumbled_core::ukf::FilterMethod;
 use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableSetup};
-use tumbled_model::SensorId;
+use tumbled_model::{SensorId, Span};
 
 use crate::cli::Failure;
-use crate::config::{self, ClockMethod, Config, FilterMethodName, MotionName, TurntableConfig, TurntableProtocol};
+use crate::config::{
+    self, BackgroundName, ClockMethod, Config, FilterMethodName, MotionName, TurntableConfig, TurntableProtocol,
+};
 use crate::decoding::{kinect, lidar};
 
 /// The turntable's name among the sensors.
@@ -65,6 +67,10 @@ fn estimate(config: &Config) -> EstimateSettings {
             config::TargetSearch::Region => TargetSearch::Region,
             config::TargetSearch::Nearest => TargetSearch::Nearest,
             config::TargetSearch::Everything => TargetSearch::Everything,
+        },
+        background: match config.target.background {
+            BackgroundName::None => None,
+            BackgroundName::Start => Some(Span((config.target.background_s * 1e9).round() as i64)),
         },
         method: match config.filter.method {
             FilterMethodName::Ours => FilterMethod::Cubature,

@@ -156,6 +156,16 @@ pub enum Command {
         /// What the operator wrote.
         text: Arc<str>,
     },
+    /// The room is empty: what is seen in the next so many milliseconds is background from then on. A target that was
+    /// tracked is forgotten.
+    LearnBackground {
+        /// For how long, ms; above 0.
+        lasts_ms: u32,
+    },
+    /// Nothing is background any more.
+    ForgetBackground,
+    /// The target is forgotten and acquired anew, in a frame of its own.
+    ResetFilter,
 }
 
 impl Command {

@@ -2,19 +2,21 @@
 
 use super::acquire::{Acquiring, Step};
 use super::axis::AxisTest;
+use super::orders::{self, Orders, Told};
 use super::reacquire::Missed;
 use super::sensors::{self, PointSensor};
 use super::settings::{EstimateSettings, TargetMotionKind, TargetSearch};
 use super::state::{Mode, SpinState, StateInputs, StateReason, TargetMotion, TargetState, Validity};
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, Scan};
+use crate::notice::{Gravity, NoticeKind};
 use crate::segment::{Expectation, Search, Segment, Segmenter};
 use crate::track::{Fit, RigMotion, TrackFrame, Tracker};
 use crate::ukf::{Estimate, Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement, Used};
 use crate::workers::Workers;
 use nalgebra::{Isometry3, Point3};
 use std::collections::VecDeque;
-use tumbled_model::{RigNs, Span};
+use tumbled_model::{Command, RigNs, Span};
 
 /// Points of the target below which nothing is begun.
 const FIRST_SIGHT: usize = 60;
@@ -57,6 +59,9 @@ pub(crate) struct Estimator {
     sensors: Vec<PointSensor>,
     segmenter: Segmenter,
     segment: Segment,
+    orders: Orders,
+    /// Until when the empty room is learned.
+    learning: Option<RigNs>,
     stage: Stage,
 }
 
@@ -113,20 +118,43 @@ impl Estimator {
                 TargetSearch::Everything => Search::Everything,
             }),
             segment: Segment::default(),
+            orders: Orders::default(),
+            learning: None,
             stage: Stage::Empty,
         }
     }
 
     /// Takes over a changed config: the target is acquired anew, for its place in the rig may be another one.
-    pub(crate) fn configure(&mut self, config: &CoreConfig) {
-        *self = Self::new(config);
+    /// What was learned of the empty room stays while the sensors stand where they stood; nothing is learned anew. Returns
+    /// whether a room was forgotten.
+    pub(crate) fn configure(&mut self, config: &CoreConfig) -> bool {
+        let before = core::mem::replace(self, Self::new(config));
+        self.settings.background = None;
+        self.orders = before.orders;
+        let stands = |(a, b): (&PointSensor, &PointSensor)| a.id == b.id && a.t_rig_sensor == b.t_rig_sensor;
+        if before.sensors.iter().zip(&self.sensors).all(stands) && before.learning.is_none() {
+            self.segmenter.take_over(before.segmenter);
+            return false;
+        }
+        before.learning.is_some() || before.segmenter.knows_a_room()
     }
 
-    /// The target after an epoch.
-    pub(crate) fn take(&mut self, epoch: &Epoch, workers: &Workers) -> TargetState {
+    /// Takes an operator's order, given at a time: it is in force from the first epoch on that is not before it.
+    pub(crate) fn order(&mut self, at: RigNs, command: &Command) {
+        self.orders.push(at, command);
+    }
+
+    /// The target after an epoch; what an operator should know of it is appended to `told`.
+    pub(crate) fn take(&mut self, epoch: &Epoch, workers: &Workers, told: &mut Vec<Told>) -> TargetState {
         let Some(number) = self.sensors.iter().position(|sensor| sensor.id == epoch.sensor) else {
             return blank(epoch, false);
         };
+        self.obey(epoch.t, told);
+        if self.learning.is_some() {
+            self.segmenter.learn(epoch);
+            let is_kinect = self.sensors.get(number).is_some_and(|sensor| sensor.is_kinect);
+            return TargetState { reasons: vec![StateReason::Learning], ..blank(epoch, is_kinect) };
+        }
         let (expected, motion) = self.expectation(epoch.t);
         let mut segment = core::mem::take(&mut self.segment);
         self.segmenter.segment(epoch, expected.as_ref(), &mut segment);
@@ -148,6 +176,39 @@ impl Estimator {
         state.reasons.sort_unstable();
         state.reasons.dedup();
         state
+    }
+
+    /// Does what an operator has ordered up to a time, and ends the learning that is over.
+    fn obey(&mut self, t: RigNs, told: &mut Vec<Told>) {
+        if let Some(lasts) = self.settings.background.take() {
+            self.learning = Some(t + lasts);
+            told.push(orders::begun(lasts));
+        }
+        while let Some((at, command)) = self.orders.due(t) {
+            match command {
+                Command::LearnBackground { lasts_ms } => {
+                    let lasts = Span(i64::from(lasts_ms) * 1_000_000);
+                    (self.learning, self.stage) = (Some(at + lasts), Stage::Empty);
+                    told.push(orders::begun(lasts));
+                }
+                Command::ForgetBackground => {
+                    self.learning = None;
+                    self.segmenter.forget();
+                    told.push((NoticeKind::Background, Gravity::Info, "the background is forgotten".to_owned()));
+                }
+                Command::ResetFilter => {
+                    self.stage = Stage::Empty;
+                    let message = "the target is forgotten, and acquired anew in a frame of its own";
+                    told.push((NoticeKind::Reset, Gravity::Info, message.to_owned()));
+                }
+                _ => {}
+            }
+        }
+        if self.learning.is_some_and(|until| t >= until) {
+            self.learning = None;
+            let report = self.segmenter.learned();
+            told.extend(orders::learned(&report, self.sensors.iter().map(|sensor| &sensor.id)));
+        }
     }
 
     /// Where the target should be seen, and how it should move.

@@ -1,7 +1,7 @@
 //! What the estimation has to know of the rig and its sensors.
 
 use crate::ukf::FilterMethod;
-use tumbled_model::SensorId;
+use tumbled_model::{SensorId, Span};
 
 /// How the target's motion is estimated.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,6 +16,8 @@ pub struct EstimateSettings {
     pub mean_motion_rps: f64,
     /// The orbit's point of reference, rig frame, m; `None`: where the target was acquired.
     pub orbit_center_m: Option<[f64; 3]>,
+    /// For how long from the first epoch on the room is empty and learned as background; `None`: it is not.
+    pub background: Option<Span>,
     /// How well sensors are known; of those that are not here, [`Trust::default`] is believed.
     pub trust: Vec<(SensorId, Trust)>,
 }

@@ -120,6 +120,8 @@ pub enum StateReason {
     Rejected,
     /// The motion has just changed: something pushed the target, or its stage starts or stops.
     Manoeuvre,
+    /// The empty room is being learned: nothing is looked for.
+    Learning,
     /// The motion is not known yet.
     Settling,
     /// Only one sensor has measured in the last two seconds.
@@ -134,13 +136,14 @@ pub enum StateReason {
 
 impl StateReason {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::NoPoints,
         Self::FewPoints,
         Self::PoorFit,
         Self::Degenerate,
         Self::Rejected,
         Self::Manoeuvre,
+        Self::Learning,
         Self::Settling,
         Self::OneSensor,
         Self::Ambiguous,
@@ -157,6 +160,7 @@ impl StateReason {
             Self::Degenerate => "degenerate",
             Self::Rejected => "rejected",
             Self::Manoeuvre => "manoeuvre",
+            Self::Learning => "learning",
             Self::Settling => "settling",
             Self::OneSensor => "one_sensor",
             Self::Ambiguous => "ambiguous",

@@ -150,6 +150,16 @@ impl Segmenter {
         report
     }
 
+    /// Whether a room was learned.
+    pub fn knows_a_room(&self) -> bool {
+        !self.rooms.is_empty()
+    }
+
+    /// Takes over what another one learned.
+    pub fn take_over(&mut self, other: Self) {
+        self.rooms = other.rooms;
+    }
+
     /// Forgets every room, and what was being learned.
     pub fn forget(&mut self) {
         self.learning.clear();

@@ -58,13 +58,14 @@ impl ControlIntake {
     /// # Errors
     /// When it is none, too long, or finds no room in time, and when the ledger has ended.
     pub fn post(&self, arrived: RigNs, body: Body) -> Result<(), ControlError> {
-        let (text, most) = match &body {
-            Body::Command(Command::Marker { text }) => (text, Command::TEXT_BYTES),
-            Body::Config { toml } => (toml, MAX_CONFIG_BYTES),
+        let (found, most) = match &body {
+            Body::Command(Command::Marker { text }) => (text.len(), Command::TEXT_BYTES),
+            Body::Command(_) => (0, 0),
+            Body::Config { toml } => (toml.len(), MAX_CONFIG_BYTES),
             _ => return Err(ControlError::NoOrder),
         };
-        if text.len() > most {
-            return Err(ControlError::TooLong { found: text.len(), most });
+        if found > most {
+            return Err(ControlError::TooLong { found, most });
         }
         let item = Offered { arrived, body, seq: None };
         match self.patience {

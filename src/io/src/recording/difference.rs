@@ -71,6 +71,10 @@ fn body(a: &Body, b: &Body) -> Option<Difference> {
         }
         (Body::Anchor { unix: a }, Body::Anchor { unix: b }) => field("unix_ns", a.0, b.0),
         (Body::Command(Command::Marker { text: a }), Body::Command(Command::Marker { text: b })) => field("text", a, b),
+        (
+            Body::Command(Command::LearnBackground { lasts_ms: a }),
+            Body::Command(Command::LearnBackground { lasts_ms: b }),
+        ) => field("lasts_ms", a, b),
         (Body::Config { toml: a }, Body::Config { toml: b }) => lines(a, b),
         _ => field("kind", kind(a), kind(b)),
     }
@@ -88,6 +92,9 @@ fn kind(body: &Body) -> &'static str {
         Body::Tick => "tick",
         Body::Gap { .. } => "gap",
         Body::Command(Command::Marker { .. }) => "marker",
+        Body::Command(Command::LearnBackground { .. }) => "order to learn the background",
+        Body::Command(Command::ForgetBackground) => "order to forget the background",
+        Body::Command(Command::ResetFilter) => "order to reset the filter",
         Body::Config { .. } => "config",
         _ => "event of another kind",
     }

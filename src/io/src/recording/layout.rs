@@ -87,7 +87,7 @@ impl ChannelKind {
                 "little-endian: seq u64, arrived_ns i64, tag u8; 1 tick; 2 anchor: unix_ns i64; \
                  3 state: u8 (0 opened, 1 lost, 2 closed), id; 4 skip: scans u16, id; \
                  5 gap: place u8 (0 kernel, 1 queue, 2 usb, 3 recorder, 4 capture), lost u32, id; \
-                 6 command: u8 (0 marker), text; 7 config: TOML"
+                 6 command: u8 (0 marker, 1 learn background, 2 forget it, 3 reset filter), text or u32 ms; 7 config: TOML"
             }
         }
     }
@@ -210,6 +210,12 @@ pub fn encode(event: &Event, into: &mut Vec<u8>) -> bool {
             into.extend([6, 0]);
             into.extend_from_slice(text.as_bytes());
         }
+        Body::Command(Command::LearnBackground { lasts_ms }) => {
+            into.extend([6, 1]);
+            into.extend(lasts_ms.to_le_bytes());
+        }
+        Body::Command(Command::ForgetBackground) => into.extend([6, 2]),
+        Body::Command(Command::ResetFilter) => into.extend([6, 3]),
         Body::Config { toml } => {
             into.push(7);
             into.extend_from_slice(toml.as_bytes());
@@ -278,6 +284,9 @@ fn ledger_body(fields: &mut Fields<'_>) -> Option<Body> {
         }
         6 => match fields.u8()? {
             0 => Body::Command(Command::Marker { text: text(fields, Command::TEXT_BYTES)? }),
+            1 => Body::Command(Command::LearnBackground { lasts_ms: fields.u32()? }),
+            2 => Body::Command(Command::ForgetBackground),
+            3 => Body::Command(Command::ResetFilter),
             _ => return None,
         },
         7 => Body::Config { toml: text(fields, MAX_CONFIG_BYTES)? },
