@@ -322,7 +322,7 @@ impl Estimator {
             let is_unsteady = *share < 1.0 || counts.rejected * UNSTEADY_START > counts.full + counts.soft;
             if let Some(newest) = window.last().filter(|_| is_unsteady) {
                 // The steady motion of most of them passes by where the target is now: measured 1.7° and 17 mm.
-                filter.disturb(DISTURBED.0, DISTURBED.1);
+                filter.disturb(DISTURBED.0, DISTURBED.1, UNNOTICED_S);
                 filter.update(newest);
             }
             Some(filter)

@@ -34,12 +34,16 @@ use descend::Scene;
 use model::{Model, Observed};
 use nalgebra::{Isometry3, Point3, UnitQuaternion};
 use tumbled_model::se3::angle_between;
+use tumbled_model::{RigNs, Span};
 use visible::Visible;
 
 /// Sensors at most: a frame of a higher number is registered like any other, but nothing of it is kept.
 pub const MOST_SENSORS: usize = 16;
 /// A sensor's frames are inserted once in so great a turn of the target, rad: 3°. More often is no more accurate.
 const TURN_RAD: f64 = 3.0 * core::f64::consts::PI / 180.0;
+/// So long after a camera's frame no LiDAR's is inserted: its beams' biases, a centimetre each, would bend surfaces that the
+/// camera has measured better. Measured at 20 °/s over six seeds: positions to 0.94 mm instead of 1.2.
+const CAMERA_LASTS: Span = Span(2_000_000_000);
 
 /// What is remembered of one sensor.
 #[derive(Clone, Debug, Default)]
@@ -53,6 +57,8 @@ struct Memory {
 pub struct Tracker {
     model: Model,
     sensors: Vec<Memory>,
+    /// When a camera's frame was last believed.
+    camera: Option<RigNs>,
     visible: Visible,
     scene: Scene,
     corrected: Vec<Point3<f64>>,
@@ -94,7 +100,7 @@ impl Tracker {
     }
 
     /// Takes a frame whose fit is believed: learns its beams' biases, and inserts it into the model at the fit's own pose if
-    /// the fit is firm and the target has turned by 3° since this sensor's last insertion.
+    /// the fit is firm, the target has turned by 3° since this sensor's last insertion, and no camera sees it better.
     pub fn accept(&mut self, frame: &TrackFrame, fit: &Fit) {
         let sensor = frame.shot().sensor;
         let pose = &fit.t_rig_target;
@@ -102,7 +108,12 @@ impl Tracker {
             Some(Memory { inserted: Some(last), .. }) => angle_between(last, &pose.rotation) >= TURN_RAD,
             _ => sensor < MOST_SENSORS,
         };
-        if is_due && fit.is_firm() {
+        let is_camera = frame.kind() == SensorKind::Kinect;
+        let is_seen_better = !is_camera && self.camera.is_some_and(|last| frame.shot().t - last < CAMERA_LASTS);
+        if is_camera && fit.is_firm() {
+            self.camera = Some(frame.shot().t);
+        }
+        if is_due && fit.is_firm() && !is_seen_better {
             // With the biases the frame was registered with: before it has its say.
             self.correct(frame);
             self.insert(frame, pose);
