@@ -15,7 +15,7 @@ use crate::channel::Channels;
 use crate::clock::WallClock;
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud};
-use crate::estimate::{Estimator, TargetState};
+use crate::estimate::{Estimator, NamedPoint, Predictor, TargetState};
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
@@ -30,6 +30,8 @@ pub struct Outputs {
     pub epochs: Vec<Epoch>,
     /// The target after each of the epochs, in the same order.
     pub states: Vec<TargetState>,
+    /// What can be said of the times after each of the epochs, in the same order.
+    pub predictors: Vec<Predictor>,
     /// Things that happened, in the order of their times.
     pub notices: Vec<Notice>,
     /// Health, once a second of the session's time.
@@ -45,6 +47,7 @@ impl Outputs {
     pub fn clear(&mut self) {
         self.done.append(&mut self.epochs);
         self.states.clear();
+        self.predictors.clear();
         self.notices.clear();
         self.health.clear();
         self.turntable.clear();
@@ -162,6 +165,11 @@ impl Pipeline {
         &self.wall
     }
 
+    /// The target's points whose motion is to be told.
+    pub fn points(&self) -> &[NamedPoint] {
+        &self.config.estimate.points
+    }
+
     /// The counts and states of every sensor as of everything seen so far, not waiting for anything.
     pub fn sensors(&self) -> Vec<SensorHealth> {
         let at = RigNs(self.now.0.saturating_add(1));
@@ -173,7 +181,9 @@ impl Pipeline {
         let (epochs, states) = (&out.epochs, &mut out.states);
         let mut told = Vec::new();
         for epoch in epochs.get(states.len()..).unwrap_or_default() {
-            states.push(self.estimator.take(epoch, &self.workers, &mut told));
+            let state = self.estimator.take(epoch, &self.workers, &mut told);
+            out.predictors.push(self.estimator.predictor(&state));
+            states.push(state);
         }
         for (kind, gravity, message) in told {
             self.note_session(kind, gravity, message);

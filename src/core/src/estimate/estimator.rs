@@ -1,18 +1,20 @@
 //! Every epoch to a state of the target: nothing is seen, it is acquired, it is tracked, it is lost and found again.
 
 use super::acquire::{Acquiring, Step};
+use super::age::Age;
 use super::axis::AxisTest;
 use super::orders::{self, Orders, Told};
+use super::predictor::{Predictor, Tracked};
 use super::reacquire::Missed;
 use super::sensors::{self, PointSensor};
 use super::settings::{EstimateSettings, TargetMotionKind, TargetSearch};
-use super::state::{Mode, SpinState, StateInputs, StateReason, TargetMotion, TargetState, Validity};
+use super::state::{Mode, StateInputs, StateReason, TargetState, Validity};
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, Scan};
 use crate::notice::{Gravity, NoticeKind};
 use crate::segment::{Expectation, Search, Segment, Segmenter};
 use crate::track::{Fit, RigMotion, TrackFrame, Tracker};
-use crate::ukf::{Estimate, Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement, Used};
+use crate::ukf::{Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement, Used};
 use crate::workers::Workers;
 use nalgebra::{Isometry3, Point3};
 use std::collections::VecDeque;
@@ -20,10 +22,6 @@ use tumbled_model::{Command, RigNs, Span};
 
 /// Points of the target below which nothing is begun.
 const FIRST_SIGHT: usize = 60;
-/// Without a measurement for so long a prediction is no longer good.
-const GOOD_PREDICTION: Span = Span(1_000_000_000);
-/// Without a measurement for so long the target is lost.
-const LOST_AFTER: Span = Span(3_000_000_000);
 /// A sensor that has not measured for so long does not take part.
 const TAKES_PART: Span = Span(2_000_000_000);
 /// So long after the start of a filter its motion is still settling.
@@ -284,7 +282,7 @@ impl Estimator {
                             most_points: vec![0; self.sensors.len()],
                         };
                         self.note_measured(frame);
-                        self.tell(&tracking.filter.estimate(), state);
+                        state.motion = Some(tracking.filter.estimate().into());
                         state.mode = Mode::Tracking;
                         state.validity = Validity::Degraded;
                         Stage::Tracking(Box::new(tracking))
@@ -342,20 +340,19 @@ impl Estimator {
             self.note_measured(frame);
         }
         self.release(&mut tracking, t);
-        let since = t - tracking.measured;
-        if measured.lost || since > LOST_AFTER {
+        let age = Age::of(t - tracking.measured);
+        if measured.lost || age == Age::Lost {
             state.mode = Mode::Lost;
             state.reasons.push(StateReason::Stale);
             let last = tracking.poses.back().map_or_else(Isometry3::identity, |pose| pose.pose);
             let Tracking { tracker, most_points, .. } = *tracking;
             return Stage::Lost(Box::new(Missed::new(tracker, last, most_points)));
         }
-        self.tell(&tracking.filter.predict(t), state);
+        state.motion = Some(tracking.filter.predict(t).into());
         state.mode = if measured.used { Mode::Tracking } else { Mode::Predicted };
-        state.validity = if since > GOOD_PREDICTION { Validity::Invalid } else { Validity::Ok };
-        if since > GOOD_PREDICTION {
-            state.reasons.push(StateReason::Stale);
-        }
+        let (most, stale) = age.trust();
+        state.validity = most;
+        state.reasons.extend(stale);
         if t - tracking.began < SETTLING {
             state.reasons.push(StateReason::Settling);
         }
@@ -408,19 +405,15 @@ impl Estimator {
         }
     }
 
-    fn tell(&self, estimate: &Estimate, state: &mut TargetState) {
-        state.motion = Some(TargetMotion {
-            t_rig_target: estimate.t_rig_target,
-            velocity_mps: estimate.velocity_mps,
-            angular_velocity_rps: estimate.t_rig_target.rotation * estimate.angular_velocity_rps,
-            covariance: estimate.covariance,
-            spin: estimate.spin.map(|spin| SpinState {
-                axis: spin.axis_rig.into_inner(),
-                rate_rps: spin.rate_rps,
-                axis_sigma_rad: spin.axis_sigma_rad,
-                rate_sigma_rps: spin.rate_sigma_rps,
-            }),
-        });
+    /// What can be said of the times after an epoch's state.
+    pub(crate) fn predictor(&self, state: &TargetState) -> Predictor {
+        let tracked = match &self.stage {
+            Stage::Tracking(tracking) => {
+                Some(Tracked { motion: tracking.filter.predictor(), measured: tracking.measured })
+            }
+            Stage::Empty | Stage::Acquiring(_) | Stage::Lost(..) => None,
+        };
+        Predictor::new(state, tracked)
     }
 }
 

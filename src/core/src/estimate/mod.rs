@@ -7,18 +7,24 @@
 //! ```
 //!
 //! * [`settings`]: what has to be known; [`state`]: what comes out;
-//! * `sensors`: each sensor's part; `acquire`: from nothing to a motion; `reacquire`: found again; `axis`: whether it stays; `orders`: an operator's; `estimator`: the whole.
+//! * `sensors`: each sensor's part; `acquire`: from nothing to a motion; `reacquire`: found again; `axis`: whether it stays;
+//!   `age`: for how long a state is good; `orders`: an operator's; `estimator`: the whole;
+//! * `predictor`: the target between epochs; `points`: the motion of its points.
 
 mod acquire;
+mod age;
 mod axis;
 mod estimator;
 mod orders;
+mod points;
+mod predictor;
 mod reacquire;
 mod sensors;
 pub mod settings;
 pub mod state;
 
 pub(crate) use estimator::Estimator;
-
+pub use points::{NamedPoint, PointMotion};
+pub use predictor::Predictor;
 pub use settings::{EstimateSettings, TargetMotionKind, TargetSearch, Trust};
 pub use state::{Mode, MotionCovariance, SpinState, StateInputs, StateReason, TargetMotion, TargetState, Validity};

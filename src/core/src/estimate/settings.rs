@@ -1,5 +1,6 @@
 //! What the estimation has to know of the rig and its sensors.
 
+use super::points::NamedPoint;
 use crate::ukf::FilterMethod;
 use tumbled_model::{SensorId, Span};
 
@@ -18,6 +19,8 @@ pub struct EstimateSettings {
     pub orbit_center_m: Option<[f64; 3]>,
     /// For how long from the first epoch on the room is empty and learned as background; `None`: it is not.
     pub background: Option<Span>,
+    /// Points of the target whose motion is told.
+    pub points: Vec<NamedPoint>,
     /// How well sensors are known; of those that are not here, [`Trust::default`] is believed.
     pub trust: Vec<(SensorId, Trust)>,
 }

@@ -1,5 +1,6 @@
 //! What the core says of the target after an epoch.
 
+use crate::ukf::Estimate;
 use nalgebra::{Isometry3, SMatrix, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -46,6 +47,23 @@ pub struct TargetMotion {
     pub covariance: MotionCovariance,
     /// The spin, where it is more than noise.
     pub spin: Option<SpinState>,
+}
+
+impl From<Estimate> for TargetMotion {
+    fn from(estimate: Estimate) -> Self {
+        Self {
+            t_rig_target: estimate.t_rig_target,
+            velocity_mps: estimate.velocity_mps,
+            angular_velocity_rps: estimate.t_rig_target.rotation * estimate.angular_velocity_rps,
+            covariance: estimate.covariance,
+            spin: estimate.spin.map(|spin| SpinState {
+                axis: spin.axis_rig.into_inner(),
+                rate_rps: spin.rate_rps,
+                axis_sigma_rad: spin.axis_sigma_rad,
+                rate_sigma_rps: spin.rate_sigma_rps,
+            }),
+        }
+    }
 }
 
 /// A spin that is more than noise.

@@ -10,6 +10,7 @@
 //!
 //! * [`FilterOptions`], [`SensorPrior`]: what it has to be told; [`PoseMeasurement`]: what it is fed;
 //! * [`Filter`]: start, update, predict; [`Verdict`]: what became of a pose;
+//! * [`MotionPredictor`]: its predictions without it;
 //! * [`Estimate`], [`Spin`], [`Momentum`], [`SigmaBySource`]: what it says.
 
 mod clohessy_wiltshire;
@@ -21,6 +22,7 @@ mod inertia;
 mod measurement;
 mod options;
 mod paper;
+mod predictor;
 mod root;
 mod sigma;
 mod spin;
@@ -33,6 +35,7 @@ pub use gate::{Used, Verdict};
 pub use options::{
     CalibrationTreatment, FilterMethod, FilterOptions, Motion, PoseMeasurement, SensorPrior, StatedUncertainty,
 };
+pub use predictor::MotionPredictor;
 pub use spin::{Momentum, Spin};
 
 use history::History;
@@ -115,6 +118,11 @@ impl Filter {
     /// The target at a time: from the last pose before it. Does not change the filter.
     pub fn predict(&self, t: RigNs) -> Estimate {
         Estimate::of(&self.setup, &sigma::predict(&self.setup, self.history.before(t), t))
+    }
+
+    /// What predicts the target from the newest pose on, without the filter.
+    pub fn predictor(&self) -> MotionPredictor {
+        MotionPredictor::of(&self.setup, self.history.last())
     }
 
     /// The target at the newest pose.

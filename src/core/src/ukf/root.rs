@@ -21,6 +21,12 @@ impl Root {
         Self(triangle(rows))
     }
 
+    /// Of the first so many states alone.
+    pub(super) fn leading(&self, states: usize) -> Self {
+        let states = states.min(self.0.ncols()).min(self.0.nrows());
+        Self(self.0.view((0, 0), (states, states)).into_owned())
+    }
+
     /// The triangle.
     pub(super) fn rows(&self) -> &DMatrix<f64> {
         &self.0

@@ -99,6 +99,12 @@ impl Setup {
         setup
     }
 
+    /// Of the target's states alone: enough to predict, not to update.
+    pub(super) fn of_target(&self) -> Self {
+        let layout = Layout { core: self.layout.core, width: self.layout.core, sensors: Vec::new() };
+        Self { options: self.options, priors: Vec::new(), layout, known: Vec::new() }
+    }
+
     /// Every state's prior, from the target's.
     pub(super) fn sigmas(&self, core: &Deviation) -> Vec<f64> {
         let mut core = *core;
