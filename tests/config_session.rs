@@ -4,7 +4,9 @@ use std::num::NonZeroU32;
 use std::path::Path;
 use std::time::Duration;
 
-use tumbled::config::{ClockMethod, Config, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, load};
+use tumbled::config::{
+    ClockMethod, Config, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TelemetryKinds, TimeConfig, load,
+};
 use tumbled_model::Span;
 
 use crate::support::Workbench;
@@ -26,17 +28,33 @@ fn the_built_in_session_listens_on_loopback_and_records_in_parts() {
     let Config { time, stream, record, .. } = with(&[]);
     let expected = TimeConfig { hold: Span(150_000_000), silent_after: Span(2_000_000_000), clock: ClockMethod::Hull };
     assert_eq!(time, expected);
-    let StreamConfig { tcp, unix, control, foxglove, telemetry, max_cloud_points } = stream;
+    let StreamConfig { tcp, unix, control, foxglove, .. } = stream;
     let control = control.expect("a socket");
     assert_eq!((control.path.to_str(), control.configured), (Some("/run/tumbled/control.sock"), false));
-    assert_eq!(telemetry, None);
+    assert_eq!((stream.telemetry, stream.telemetry_kind, stream.rate_hz), (None, TelemetryKinds::Epoch, Some(100.0)));
+    assert_eq!(stream.point_horizons, [Span(100_000_000), Span(500_000_000), Span(1_000_000_000)]);
     assert_eq!(tcp, "127.0.0.1:7117".parse().ok());
     assert_eq!(foxglove, "127.0.0.1:8765".parse().ok());
-    assert_eq!(max_cloud_points, 2_000);
+    assert_eq!(stream.max_cloud_points, 2_000);
     let unix = unix.expect("a socket");
     assert_eq!((unix.path.as_path(), unix.configured), (Path::new(DEFAULT_STREAM_SOCKET), false));
     let rotate_after = Some(Duration::from_secs(600));
     assert_eq!(record, RecordConfig { min_free: Some(1 << 30), rotate: Some(4 << 30), rotate_after, keep: None });
+}
+
+#[test]
+fn predictions_have_a_rate_and_horizons_in_their_ranges_or_are_off() {
+    let off = with(&["stream.rate_hz=0", "stream.point_horizons_ms=[]"]).stream;
+    assert_eq!((off.rate_hz, off.point_horizons), (None, Vec::new()));
+    for wrong in ["stream.rate_hz=0.05", "stream.rate_hz=1001", "stream.rate_hz=-1", "stream.telemetry_kind=all"] {
+        assert_eq!(refused(&[wrong]).len(), 1, "{wrong}");
+    }
+    for wrong in ["[0.0]", "[10001.0]", "[200.0, 100.0]", "[100.0, 100.0]", "[1,2,3,4,5,6,7,8,9]"] {
+        let said = refused(&[&format!("stream.point_horizons_ms={wrong}")]);
+        assert!(said.len() == 1 && said[0].contains("point_horizons_ms"), "{wrong}: {said:?}");
+    }
+    let nothing = ["stream.rate_hz=0", "stream.telemetry=127.0.0.1:7118", "stream.telemetry_kind=predicted"];
+    assert!(refused(&nothing)[0].contains("nothing would be sent"), "{:?}", refused(&nothing));
 }
 
 #[test]

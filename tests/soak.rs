@@ -173,8 +173,14 @@ fn spawn_core(
     let config = tumbled::config::load(None, &[]).expect("the built-in config").config;
     let core = setup::core_config(&config).expect("a core");
     let mut engine = Engine::new(core, String::new(), Workers::none(), engine::interpreter(&config, false));
-    let audience =
-        Audience { stream: server.publisher(), max_cloud_points: CLOUD_POINTS, viewers: None, telemetry: None };
+    let audience = Audience {
+        stream: server.publisher(),
+        max_cloud_points: CLOUD_POINTS,
+        horizons: Vec::new(),
+        viewers: None,
+        telemetry: None,
+        beat: None,
+    };
     let unix_at_zero = UnixNs(START_UNIX_S * SECOND);
     let mut publish = Publish::new(StreamOrigin::Simulated, unix_at_zero, Some(audience));
     let work = move || {

@@ -119,7 +119,7 @@ fn health() -> HealthLine {
         steps: vec![StepHealth { name: "core".to_owned(), p50_ms: 0.81, p99_ms: 2.5, max_ms: 9.0 }],
     };
     let at = (RigNs(12_300_000_000), UnixNs(1_795_341_612_300_000_000));
-    HealthLine::new(StreamOrigin::Simulated, at, core, shell)
+    HealthLine::new(StreamOrigin::Simulated, at, core, None, shell)
 }
 
 /// Publishes health every 20 ms while the command runs.

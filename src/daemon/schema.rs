@@ -91,6 +91,8 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/stream-error.schema.json", schema: schema_for!(Sent<stream::ErrorLine>) },
         Published { file: "docs/schema/stream-event.schema.json", schema: schema_for!(Sent<stream::EventLine>) },
         Published { file: "docs/schema/stream-state.schema.json", schema: schema_for!(Sent<stream::StateLine>) },
+        Published { file: "docs/schema/stream-point.schema.json", schema: schema_for!(Sent<stream::PointLine>) },
+        Published { file: "docs/schema/stream-sigma.schema.json", schema: schema_for!(Sent<stream::SigmaLine>) },
         Published { file: "docs/schema/stream-cloud.schema.json", schema: schema_for!(Sent<stream::CloudLine>) },
         Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },
     ]

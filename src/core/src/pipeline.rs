@@ -15,7 +15,7 @@ use crate::channel::Channels;
 use crate::clock::WallClock;
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud};
-use crate::estimate::{Estimator, NamedPoint, Predictor, TargetState};
+use crate::estimate::{EstimateHealth, Estimator, NamedPoint, Predictor, TargetState};
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
@@ -163,6 +163,11 @@ impl Pipeline {
     /// Wall time at `t`, by the ledger's anchors.
     pub fn wall(&self) -> &WallClock {
         &self.wall
+    }
+
+    /// What the estimation says of itself after an epoch: of the newest, whose state this is.
+    pub fn estimate_health(&self, state: &TargetState) -> EstimateHealth {
+        self.estimator.health(state)
     }
 
     /// The target's points whose motion is to be told.

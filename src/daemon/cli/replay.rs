@@ -110,8 +110,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config, args.threads)?;
     let mut inputs = args.faults.inject(inputs, &loaded.config)?;
     let stop = signals::stop_token()?;
-    let mut sinks = Sinks::open(args, &loaded, &inputs)?;
-    let finished = play(&mut inputs, &mut engine, &mut sinks, &mut Pace::new(args.speed, stop))?;
+    let mut pace = Pace::new(args.speed, stop);
+    let mut sinks = Sinks::open(args, &loaded, &inputs, &pace)?;
+    let finished = play(&mut inputs, &mut engine, &mut sinks, &mut pace)?;
     sinks.close()?;
     let report = report(args, &inputs, &engine, finished);
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
@@ -168,12 +169,12 @@ impl Listener for Sinks {
 }
 
 impl Sinks {
-    fn open(args: &Args, loaded: &Loaded, inputs: &Inputs) -> Result<Self, Failure> {
+    fn open(args: &Args, loaded: &Loaded, inputs: &Inputs, pace: &Pace) -> Result<Self, Failure> {
         let unix_at_zero = inputs.epoch().unwrap_or_default();
         let session = session(inputs).unwrap_or_else(|| "replay".to_owned());
         let about = About { session: &session, origin: origin(inputs), unix_at_zero };
         let (server, publish) = if args.serve {
-            let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive)?;
+            let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive, pace.clock())?;
             (Some(server), publish)
         } else {
             (None, Publish::new(about.origin, unix_at_zero, None))

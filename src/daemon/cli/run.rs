@@ -171,7 +171,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         header: header.clone(),
         options: args.recorder.options(&loaded.config.record),
     });
-    let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive)?;
+    let of_beat = clock.clone();
+    let now = Box::new(move || Some(of_beat.now().rig));
+    let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive, now)?;
     let control = loaded.config.stream.control.as_ref().map(control::Listener::bind).transpose();
     let control = control.map_err(Failure::input)?.flatten();
     let core = CorePart { config: core_config, engine, publish };

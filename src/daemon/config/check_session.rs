@@ -5,14 +5,23 @@ use std::num::NonZeroU32;
 use std::path::Path;
 use std::time::Duration;
 
+use tumbled_model::Span;
+
 use super::check::{Rules, span_of_ms};
 use super::layers::keys;
-use super::raw_session::{RawRecord, RawStream, RawTime};
+use super::raw_session::{RawRecord, RawStream, RawTime, TelemetryKinds};
 use super::session::{DEFAULT_CONTROL_SOCKET, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 use crate::quantity;
 
 /// The longest path of a Unix socket, bytes: `sun_path` has 108 with its end mark.
 const SOCKET_PATH_BYTES: usize = 107;
+
+/// The least rate of predicted states above none.
+const LEAST_RATE_HZ: f64 = 0.1;
+/// Times that points of interest are predicted for.
+const MOST_HORIZONS: usize = 8;
+/// The farthest of them, ms.
+const LONGEST_HORIZON_MS: f64 = 10_000.0;
 
 pub(super) fn time(raw: &RawTime) -> TimeConfig {
     TimeConfig { hold: span_of_ms(raw.hold_ms), silent_after: span_of_ms(raw.silent_after_ms), clock: raw.clock }
@@ -33,8 +42,49 @@ pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamCon
     let unix = unix_path(rules, "unix", &raw.unix, DEFAULT_STREAM_SOCKET);
     let control = unix_path(rules, "control", &raw.control, DEFAULT_CONTROL_SOCKET);
     let max_cloud_points = usize::try_from(raw.max_cloud_points).unwrap_or(usize::MAX);
-    let (unix, control) = (unix?, control?);
-    Some(StreamConfig { tcp: tcp?, unix, control, foxglove: foxglove?, telemetry: telemetry?, max_cloud_points })
+    let rate_hz = rate(rules, raw);
+    let point_horizons = horizons(rules, &raw.point_horizons_ms);
+    Some(StreamConfig {
+        tcp: tcp?,
+        unix: unix?,
+        control: control?,
+        foxglove: foxglove?,
+        telemetry: telemetry?,
+        telemetry_kind: raw.telemetry_kind,
+        rate_hz: rate_hz?,
+        point_horizons: point_horizons?,
+        max_cloud_points,
+    })
+}
+
+/// `Some(None)`: no predicted states. `None`: a rate that is none, or none where telemetry needs one, reported.
+fn rate(rules: &mut Rules<'_>, raw: &RawStream) -> Option<Option<f64>> {
+    let at = keys(&["stream", "rate_hz"]);
+    let rate_hz = (raw.rate_hz > 0.0).then_some(raw.rate_hz);
+    if let Some(rate_hz) = rate_hz.filter(|rate_hz| *rate_hz < LEAST_RATE_HZ) {
+        let message = format!("`stream.rate_hz` is {rate_hz}: a predicted state comes every 10 s at least");
+        rules.broken(&at, message, "write 0.1 or more, e.g. rate_hz = 100.0; 0: no predicted states");
+        return None;
+    }
+    if rate_hz.is_none() && !raw.telemetry.is_empty() && raw.telemetry_kind == TelemetryKinds::Predicted {
+        let message = "`stream.telemetry_kind` is \"predicted\" and `stream.rate_hz` is 0: nothing would be sent";
+        rules.broken(&at, message.to_owned(), "write e.g. rate_hz = 100.0, or telemetry_kind = \"epoch\"");
+        return None;
+    }
+    Some(rate_hz)
+}
+
+/// `None`: horizons that are none, reported.
+fn horizons(rules: &mut Rules<'_>, ms: &[f64]) -> Option<Vec<Span>> {
+    let in_range = ms.iter().all(|ms| *ms > 0.0 && *ms <= LONGEST_HORIZON_MS);
+    let ascending = ms.is_sorted_by(|before, after| before < after);
+    if in_range && ascending && ms.len() <= MOST_HORIZONS {
+        return Some(ms.iter().copied().map(span_of_ms).collect());
+    }
+    let message =
+        format!("`stream.point_horizons_ms` is {ms:?}: not up to {MOST_HORIZONS} ascending times of 10 s at most");
+    rules.broken(&keys(&["stream", "point_horizons_ms"]), message, "write e.g. [100.0, 500.0]; empty: no predictions");
+    None
 }
 
 /// `Some(None)`: none is wanted. `None`: no address, reported.

@@ -41,7 +41,7 @@ pub use raw::{
     BackgroundName, Hdl32eStamp, Intrinsics, LidarModel, RawKinectSigma, RawLidarSigma, Switch, TargetSearch,
     TurntableProtocol,
 };
-pub use raw_session::{ClockMethod, FilterMethodName, MotionName, RawFilter};
+pub use raw_session::{ClockMethod, FilterMethodName, MotionName, RawFilter, TelemetryKinds};
 pub use session::{DEFAULT_CONTROL_SOCKET, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 
 /// The commented default, as `tumbled config init` writes it.

@@ -87,6 +87,31 @@ pub enum MotionName {
     Tumble,
 }
 
+/// Which states telemetry sends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TelemetryKinds {
+    /// Those of measurement epochs.
+    #[default]
+    Epoch,
+    /// Those predicted to the moment of sending.
+    Predicted,
+    /// Both.
+    Both,
+}
+
+impl TelemetryKinds {
+    /// Whether it sends the states of epochs.
+    pub const fn epochs(self) -> bool {
+        matches!(self, Self::Epoch | Self::Both)
+    }
+
+    /// Whether it sends predicted states.
+    pub const fn predicted(self) -> bool {
+        matches!(self, Self::Predicted | Self::Both)
+    }
+}
+
 /// Where the state is told.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -101,6 +126,15 @@ pub struct RawStream {
     pub foxglove: String,
     /// Where telemetry is sent, a UDP datagram for each state: address and port; empty: nowhere.
     pub telemetry: String,
+    /// Which states telemetry sends: `epoch` those of measurements, `predicted` those at `rate_hz`, or `both`.
+    pub telemetry_kind: TelemetryKinds,
+    /// Predicted states a second, of a live or paced session, predicted to the moment they are sent; 0: none. At least
+    /// one in ten seconds.
+    #[schemars(range(min = 0.0, max = 1_000.0))]
+    pub rate_hz: f64,
+    /// Milliseconds after each epoch for which the motion of the points of interest is predicted; at most 8, above 0,
+    /// at most 10 s, one above the other; empty: none.
+    pub point_horizons_ms: Vec<f64>,
     /// Points of a cloud that a client is sent at most; of more, evenly chosen ones.
     #[schemars(range(min = 1, max = 100_000))]
     pub max_cloud_points: u32,
@@ -114,6 +148,9 @@ impl Default for RawStream {
             control: DEFAULT_CONTROL_SOCKET.to_owned(),
             foxglove: "127.0.0.1:8765".to_owned(),
             telemetry: String::new(),
+            telemetry_kind: TelemetryKinds::Epoch,
+            rate_hz: 100.0,
+            point_horizons_ms: vec![100.0, 500.0, 1_000.0],
             max_cloud_points: 2_000,
         }
     }

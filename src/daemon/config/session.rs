@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use tumbled_model::Span;
 
-use super::raw_session::ClockMethod;
+use super::raw_session::{ClockMethod, TelemetryKinds};
 
 /// The state stream's Unix socket unless the config names another.
 pub const DEFAULT_STREAM_SOCKET: &str = "/run/tumbled/state.sock";
@@ -27,7 +27,7 @@ pub struct TimeConfig {
 }
 
 /// Where the state is told.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StreamConfig {
     /// Where the state stream listens; port 0 = any free port.
     pub tcp: Option<SocketAddr>,
@@ -39,6 +39,12 @@ pub struct StreamConfig {
     pub foxglove: Option<SocketAddr>,
     /// Where telemetry is sent.
     pub telemetry: Option<SocketAddr>,
+    /// Which states are sent there.
+    pub telemetry_kind: TelemetryKinds,
+    /// Predicted states a second, 0.1 to 1000; `None`: none.
+    pub rate_hz: Option<f64>,
+    /// How far ahead points of interest are predicted: at most 8, above 0 to 10 s, ascending.
+    pub point_horizons: Vec<Span>,
     /// Points of a cloud that a client is sent at most, 1 to 100 000.
     pub max_cloud_points: usize,
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use tumbled_core::estimate::{EstimateHealth, NamedPoint, TargetState};
 use tumbled_core::{CoreConfig, Outputs, Pipeline, SensorHealth, WallClock, Workers};
 use tumbled_io::recording::RecordingHeader;
 use tumbled_model::{Body, Event};
@@ -22,6 +23,21 @@ pub struct Step<'a> {
     pub wall: &'a WallClock,
     /// The chain's value, where the core told its health.
     pub checkpoint: Option<Checkpoint>,
+    pipeline: &'a Pipeline,
+    newest: Option<&'a TargetState>,
+}
+
+impl Step<'_> {
+    /// What the estimation says of itself after the newest epoch; `None`: there was none yet. Costs a little: ask once a
+    /// second, or where somebody wants it.
+    pub fn estimate_health(&self) -> Option<EstimateHealth> {
+        self.newest.map(|state| self.pipeline.estimate_health(state))
+    }
+
+    /// The target's points whose motion is to be told.
+    pub fn points(&self) -> &[NamedPoint] {
+        self.pipeline.points()
+    }
 }
 
 /// The core and its chain.
@@ -31,13 +47,15 @@ pub struct Engine {
     chain: Chain,
     interpreter: Interpreter,
     t_ns: i64,
+    /// The state after the newest epoch.
+    newest: Option<TargetState>,
 }
 
 impl Engine {
     /// A core for a rig, whose config and files have the digest `rig` ([`super::chain::rig_digest`]).
     pub fn new(config: CoreConfig, rig: String, workers: Workers, interpreter: Interpreter) -> Self {
         let pipeline = Pipeline::new(config, workers);
-        Self { pipeline, outputs: Outputs::default(), chain: Chain::new(rig), interpreter, t_ns: 0 }
+        Self { pipeline, outputs: Outputs::default(), chain: Chain::new(rig), interpreter, t_ns: 0, newest: None }
     }
 
     /// A core for a loaded config, as every command that reads inputs has it; `threads` as for [`workers`].
@@ -87,7 +105,16 @@ impl Engine {
         self.outputs.notices.iter().for_each(|notice| self.chain.notice(notice));
         self.outputs.health.iter().for_each(|health| self.chain.health(health));
         let checkpoint = self.outputs.health.last().map(|health| self.chain.checkpoint(health.t_ns));
-        Step { outputs: &self.outputs, wall: self.pipeline.wall(), checkpoint }
+        if let Some(newest) = self.outputs.states.last() {
+            self.newest = Some(newest.clone());
+        }
+        Step {
+            outputs: &self.outputs,
+            wall: self.pipeline.wall(),
+            checkpoint,
+            pipeline: &self.pipeline,
+            newest: self.newest.as_ref(),
+        }
     }
 
     /// A config that cannot be read was written by another version: the session goes on with what it has.

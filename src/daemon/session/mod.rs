@@ -8,10 +8,12 @@
 //! * [`setup`]: from the config to what the core has to know;
 //! * [`engine`], [`chain`]: the core with its hash chain, the same for every command; [`play`]: inputs through it;
 //! * [`publish`], [`serve`], [`lines`]: what came out, as lines of the stream, the log and files;
+//! * [`beat`]: predicted states between epochs, at a steady rate;
 //! * [`live`], [`sources`], [`kinects`]: a session on live sensors, started and ended in order; `standing`: how each source
 //!   stands; [`shell`], [`steps`]: the session's health;
 //! * [`reload`]: what of a config may change meanwhile; [`pace`]: how fast a recording is played.
 
+pub mod beat;
 pub mod chain;
 pub mod engine;
 pub mod kinects;

@@ -1,10 +1,13 @@
 //! How fast recorded events are played: it changes when they are seen, never what they are.
 
 use std::str::FromStr;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use tumbled_io::live::StopToken;
-use tumbled_model::RigNs;
+use tumbled_model::{RigNs, Span};
+
+use super::beat::Now;
 
 /// Rig seconds per second, or as fast as the machine can.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +50,8 @@ pub enum Waited {
 #[derive(Debug)]
 pub struct Pace {
     speed: Speed,
-    began: Option<(Instant, RigNs)>,
+    /// Shared with the clock.
+    began: Arc<OnceLock<(Instant, RigNs)>>,
     stop: StopToken,
 }
 
@@ -57,7 +61,17 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 impl Pace {
     /// A pace that a stop interrupts.
     pub fn new(speed: Speed, stop: StopToken) -> Self {
-        Self { speed, began: None, stop }
+        Self { speed, began: Arc::default(), stop }
+    }
+
+    /// What time it is on the session's timeline as it is played; `None` before the first event, and without a pace.
+    pub fn clock(&self) -> Now {
+        let (speed, began) = (self.speed, Arc::clone(&self.began));
+        Box::new(move || {
+            let Speed::Times(times) = speed else { return None };
+            let (began, first) = began.get()?;
+            Some(*first + Span((began.elapsed().as_secs_f64() * times * 1e9) as i64))
+        })
     }
 
     /// Waits until it is time for an event that arrived at `arrived`, at most `at_most`.
@@ -66,7 +80,7 @@ impl Pace {
             return Waited::Stopped;
         }
         let Speed::Times(times) = self.speed else { return Waited::Due };
-        let (began, first) = *self.began.get_or_insert_with(|| (Instant::now(), arrived));
+        let (began, first) = *self.began.get_or_init(|| (Instant::now(), arrived));
         let due_s = ((arrived - first).as_secs_f64() / times).clamp(0.0, 1e9);
         let left = Duration::from_secs_f64(due_s).saturating_sub(began.elapsed());
         if left < SHORTEST_WAIT {

@@ -1,17 +1,19 @@
 //! What came out of the core, to whoever wants it: the state stream, viewers and the log.
 
-use tumbled_core::estimate::TargetState;
+use tumbled_core::estimate::{Mode, MountingReport, Predictor, StateReason, TargetState};
 use tumbled_core::{CoreHealth, Epoch, Gravity, Notice, WallClock};
 use tumbled_io::live::SessionClock;
-use tumbled_model::{RigNs, Span, UnixNs};
+use tumbled_model::{RigNs, SensorId, Span, UnixNs};
 
+use super::beat::Beat;
 use super::engine::Step;
 use crate::foxglove::FoxgloveBridge;
 use crate::stream::state::Delivery;
 use crate::stream::{
-    Class, CloudLine, CloudView, EventLine, HealthLine, Publisher, ShellHealth, StateLine, StreamOrigin,
+    Ahead, Class, CloudLine, CloudView, EventLine, HealthLine, PointLine, Publisher, ShellHealth, SigmaLine, StateLine,
+    StreamOrigin,
 };
-use crate::telemetry::{Telemetry, TelemetrySender};
+use crate::telemetry::{Telemetry, TelemetryOutlet};
 
 /// Turns what came out into lines of the stream, views and lines of the log.
 #[derive(Debug)]
@@ -20,6 +22,8 @@ pub struct Publish {
     /// Wall time at rig time 0, for what lies before the first anchor.
     unix_at_zero: UnixNs,
     audience: Option<Audience>,
+    /// The sensors' mountings were told not to be as the config says.
+    mounting_alarm: bool,
 }
 
 /// Those who are served.
@@ -31,14 +35,18 @@ pub struct Audience {
     pub max_cloud_points: usize,
     /// Viewers.
     pub viewers: Option<FoxgloveBridge>,
+    /// How far ahead points are predicted.
+    pub horizons: Vec<Span>,
     /// The guidance computer.
-    pub telemetry: Option<TelemetrySender>,
+    pub telemetry: Option<TelemetryOutlet>,
+    /// Those who want states between epochs.
+    pub beat: Option<Beat>,
 }
 
 impl Publish {
     /// To an audience, or to the log alone.
     pub fn new(origin: StreamOrigin, unix_at_zero: UnixNs, audience: Option<Audience>) -> Self {
-        Self { origin, unix_at_zero, audience }
+        Self { origin, unix_at_zero, audience, mounting_alarm: false }
     }
 
     /// The wall time of an instant: by the newest anchor at or before it.
@@ -55,19 +63,26 @@ impl Publish {
         for (state, epoch) in step.outputs.states.iter().zip(&step.outputs.epochs) {
             let delivery = live.map(|(clock, begun)| Delivery::new(epoch, begun, clock.now().rig));
             self.state(state, delivery, step.wall);
+            self.mountings(state, step);
         }
+        for (state, predictor) in step.outputs.states.iter().zip(&step.outputs.predictors) {
+            self.points(state, predictor, step);
+        }
+        self.newest(step);
         for notice in &step.outputs.notices {
-            log(notice);
+            log(notice.gravity, notice.kind.name(), notice.t, &notice.message);
             self.event(notice, step.wall);
         }
         for health in &step.outputs.health {
-            self.health(health, step.wall, &shell);
+            self.health(health, step, &shell);
         }
     }
 
-    /// Ends the viewers' part; the stream's own server tells its clients.
+    /// Ends predictions and the viewers' part; the stream's own server tells its clients.
     pub fn stop(self) {
-        if let Some(viewers) = self.audience.and_then(|audience| audience.viewers) {
+        let Some(Audience { viewers, beat, .. }) = self.audience else { return };
+        drop(beat);
+        if let Some(viewers) = viewers {
             viewers.stop();
         }
     }
@@ -87,7 +102,7 @@ impl Publish {
     fn state(&mut self, state: &TargetState, delivery: Option<Delivery>, wall: &WallClock) {
         let unix = self.unix(state.t, wall);
         let Some(audience) = &mut self.audience else { return };
-        if let Some(telemetry) = &mut audience.telemetry {
+        if let Some(telemetry) = audience.telemetry.as_ref().filter(|telemetry| telemetry.kinds().epochs()) {
             telemetry.send(&Telemetry::of_epoch(state, unix));
         }
         if audience.stream.wants(Class::State) {
@@ -96,21 +111,84 @@ impl Publish {
         }
     }
 
-    fn event(&mut self, notice: &Notice, wall: &WallClock) {
-        let unix = self.unix(notice.t, wall);
-        let Some(audience) = &mut self.audience else { return };
-        let line = EventLine::of_notice(self.origin, notice, unix);
-        audience.stream.publish(Class::Event, &line);
-        if let Some(viewers) = &mut audience.viewers {
-            viewers.event(&line);
+    /// The newest epoch of a step: what is predicted with, and where its uncertainty comes from.
+    fn newest(&mut self, step: &Step<'_>) {
+        let (Some(audience), Some(predictor)) = (&self.audience, step.outputs.predictors.last()) else { return };
+        if let Some(beat) = &audience.beat {
+            beat.set(predictor, self.unix_now(step.wall));
+        }
+        if audience.stream.wants(Class::Sigma)
+            && let Some(health) = step.estimate_health()
+        {
+            let t = RigNs(health.t_ns);
+            let times = (t, self.unix(t, step.wall));
+            let line = SigmaLine::new(self.origin, health.epoch, times, health.sigma_by_source);
+            audience.stream.publish(Class::Sigma, &line);
         }
     }
 
-    fn health(&mut self, health: &CoreHealth, wall: &WallClock, shell: &impl Fn() -> ShellHealth) {
-        let t = RigNs(health.t_ns);
-        let unix = self.unix(t, wall);
+    /// Wall time at rig time 0 as the newest anchor has it.
+    fn unix_now(&self, wall: &WallClock) -> UnixNs {
+        // No anchor lies beyond: a session is shorter than this, 146 years.
+        const END: RigNs = RigNs(i64::MAX / 2);
+        wall.unix(END).map_or(self.unix_at_zero, |unix| unix - Span(END.0))
+    }
+
+    fn points(&mut self, state: &TargetState, predictor: &Predictor, step: &Step<'_>) {
+        let unix = self.unix(state.t, step.wall);
+        let Some(audience) = &self.audience else { return };
+        if step.points().is_empty() || !audience.stream.wants(Class::Point) {
+            return;
+        }
+        // Where nobody knows the state, nobody knows what comes of it.
+        let known = state.motion.is_some();
+        let ahead = |after: &Span| Some(Ahead { after: *after, motion: predictor.motion_at(state.t + *after)? });
+        let ahead: Vec<Ahead> = audience.horizons.iter().filter(|_| known).filter_map(ahead).collect();
+        for point in step.points() {
+            audience.stream.publish(Class::Point, &PointLine::new(self.origin, state, unix, point, &ahead));
+        }
+    }
+
+    /// Tells once when a tracked target shows that mountings are not as the config says, and once when they are again.
+    fn mountings(&mut self, state: &TargetState, step: &Step<'_>) {
+        let is_alarm = state.reasons.contains(&StateReason::Extrinsic);
+        let is_tracked = matches!(state.mode, Mode::Tracking | Mode::Predicted);
+        if !is_tracked || is_alarm == self.mounting_alarm {
+            return;
+        }
+        self.mounting_alarm = is_alarm;
+        let found = step.estimate_health().map(|health| health.mountings).unwrap_or_default();
+        let (gravity, message) = if is_alarm {
+            let sentences = found.iter().filter(|report| report.alarm).map(MountingReport::sentence);
+            (Gravity::Warn, sentences.collect::<Vec<String>>().join("; "))
+        } else {
+            (Gravity::Info, "the sensors agree again as well as their mountings' stated σ say".to_owned())
+        };
+        let sensor = found.iter().find(|report| report.alarm).map(|report| SensorId::from(report.sensor.as_str()));
+        let times = (state.t, self.unix(state.t, step.wall));
+        let line = EventLine::new(self.origin, times, sensor.as_ref(), "extrinsic", gravity, &message);
+        log(gravity, "extrinsic", state.t, &message);
+        self.tell(&line);
+    }
+
+    fn event(&mut self, notice: &Notice, wall: &WallClock) {
+        let unix = self.unix(notice.t, wall);
+        self.tell(&EventLine::of_notice(self.origin, notice, unix));
+    }
+
+    fn tell(&mut self, line: &EventLine) {
         let Some(audience) = &mut self.audience else { return };
-        let line = HealthLine::new(self.origin, (t, unix), health.clone(), shell());
+        audience.stream.publish(Class::Event, line);
+        if let Some(viewers) = &mut audience.viewers {
+            viewers.event(line);
+        }
+    }
+
+    fn health(&mut self, health: &CoreHealth, step: &Step<'_>, shell: &impl Fn() -> ShellHealth) {
+        let t = RigNs(health.t_ns);
+        let unix = self.unix(t, step.wall);
+        let Some(audience) = &mut self.audience else { return };
+        let line = HealthLine::new(self.origin, (t, unix), health.clone(), step.estimate_health(), shell());
         audience.stream.publish(Class::Health, &line);
         if let Some(viewers) = &mut audience.viewers {
             viewers.health(&line, unix.0);
@@ -118,11 +196,11 @@ impl Publish {
     }
 }
 
-fn log(notice: &Notice) {
-    let (kind, t_s) = (notice.kind.name(), format_args!("{:.3}", notice.t.0 as f64 * 1e-9));
-    match notice.gravity {
-        Gravity::Info => tracing::info!(kind, %t_s, "{}", notice.message),
-        Gravity::Warn => tracing::warn!(kind, %t_s, "{}", notice.message),
-        Gravity::Error => tracing::error!(kind, %t_s, "{}", notice.message),
+fn log(gravity: Gravity, kind: &str, t: RigNs, message: &str) {
+    let t_s = format_args!("{:.3}", t.0 as f64 * 1e-9);
+    match gravity {
+        Gravity::Info => tracing::info!(kind, %t_s, "{message}"),
+        Gravity::Warn => tracing::warn!(kind, %t_s, "{message}"),
+        Gravity::Error => tracing::error!(kind, %t_s, "{message}"),
     }
 }

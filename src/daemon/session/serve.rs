@@ -2,12 +2,13 @@
 
 use tumbled_model::{Frame, Iso, Rig, SensorId, UnixNs};
 
+use super::beat::{Beat, Listeners, Now};
 use super::publish::{Audience, Publish};
 use crate::cli::Failure;
 use crate::config::Config;
 use crate::foxglove::{FoxgloveBridge, FoxgloveConfig, SensorPose};
 use crate::stream::{ClientTotals, Hello, StreamConfig, StreamOrigin, StreamServer};
-use crate::telemetry::{TelemetrySender, session_bytes};
+use crate::telemetry::{TelemetryOutlet, TelemetrySender, session_bytes};
 
 /// What a session is, for those who connect.
 #[derive(Clone, Copy, Debug)]
@@ -27,11 +28,11 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts what the config names; what comes out of the core goes there by the second value.
+    /// Starts what the config names; what comes out of the core goes there by the second value. `now`: for predicted states.
     ///
     /// # Errors
     /// An address or a path that cannot be had, or must not be for these data: exit code 2.
-    pub fn start(config: &Config, about: About<'_>, allow_nonlive: bool) -> Result<(Self, Publish), Failure> {
+    pub fn start(config: &Config, about: About<'_>, allow_nonlive: bool, now: Now) -> Result<(Self, Publish), Failure> {
         let hello = Hello::new(about.session, &config.name, about.origin, about.unix_at_zero);
         let stream = StreamConfig::of(&config.stream, allow_nonlive);
         let stream = StreamServer::start(stream, &hello).map_err(Failure::input)?;
@@ -45,12 +46,27 @@ impl Server {
         let telemetry = match config.stream.telemetry {
             Some(to) => {
                 let session = session_bytes(about.session);
-                Some(TelemetrySender::open(to, session, about.origin, allow_nonlive).map_err(Failure::input)?)
+                let sender = TelemetrySender::open(to, session, about.origin, allow_nonlive).map_err(Failure::input)?;
+                Some(TelemetryOutlet::new(sender, config.stream.telemetry_kind))
             }
             None => None,
         };
-        let max_cloud_points = config.stream.max_cloud_points;
-        let audience = Audience { stream: stream.publisher(), max_cloud_points, viewers, telemetry };
+        let beat = match config.stream.rate_hz {
+            Some(rate_hz) => {
+                let stream = stream.publisher();
+                let listeners = Listeners { origin: about.origin, stream, telemetry: telemetry.clone() };
+                Some(Beat::start(rate_hz, now, listeners).map_err(Failure::failed)?)
+            }
+            None => None,
+        };
+        let audience = Audience {
+            stream: stream.publisher(),
+            max_cloud_points: config.stream.max_cloud_points,
+            horizons: config.stream.point_horizons.clone(),
+            viewers,
+            telemetry,
+            beat,
+        };
         Ok((Self { stream }, Publish::new(about.origin, about.unix_at_zero, Some(audience))))
     }
 

@@ -1,13 +1,14 @@
 //! From the config to what the core has to know of the rig.
 
-use tumbled_core::estimate::{EstimateSettings, TargetMotionKind, TargetSearch, Trust};
+use tumbled_core::estimate::{EstimateSettings, NamedPoint, TargetMotionKind, TargetSearch, Trust};
 use tumbled_core::ukf::FilterMethod;
 use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableSetup};
 use tumbled_model::{SensorId, Span};
 
 use crate::cli::Failure;
 use crate::config::{
-    self, BackgroundName, ClockMethod, Config, FilterMethodName, MotionName, TurntableConfig, TurntableProtocol,
+    self, BackgroundName, ClockMethod, Config, FilterMethodName, MotionName, PointOfInterest, TurntableConfig,
+    TurntableProtocol,
 };
 use crate::decoding::{kinect, lidar};
 
@@ -83,8 +84,13 @@ fn estimate(config: &Config) -> EstimateSettings {
         },
         mean_motion_rps: config.filter.mean_motion_rps,
         orbit_center_m: config.filter.orbit_center_m,
+        points: config.points_of_interest.iter().map(point).collect(),
         trust: lidars.chain(kinects).collect(),
     }
+}
+
+fn point(point: &PointOfInterest) -> NamedPoint {
+    NamedPoint { name: point.name.clone(), position_m: point.position.coords.coords }
 }
 
 fn trust(rotation_deg: f64, translation_m: f64, time_ms: f64, depth_scale: f64) -> Trust {

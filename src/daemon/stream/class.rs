@@ -17,6 +17,8 @@ pub enum Class {
     Cloud,
     /// The motion of named points of the target.
     Point,
+    /// Where the uncertainty of the target's pose comes from.
+    Sigma,
     /// Something that happened once.
     Event,
     /// What the server has to say about a client's connection.
@@ -25,12 +27,8 @@ pub enum Class {
 
 impl Class {
     /// All of them, in the order they are listed to people.
-    pub const ALL: [Self; 7] =
-        [Self::Hello, Self::State, Self::Health, Self::Cloud, Self::Point, Self::Event, Self::Error];
-
-    /// What the daemon sends in this version. POINT may be subscribed to already: nothing comes until a version that
-    /// measures it, and HELLO will say so.
-    pub const OFFERED: [Self; 6] = [Self::Hello, Self::State, Self::Health, Self::Cloud, Self::Event, Self::Error];
+    pub const ALL: [Self; 8] =
+        [Self::Hello, Self::State, Self::Health, Self::Cloud, Self::Point, Self::Sigma, Self::Event, Self::Error];
 
     /// The word on the wire.
     pub const fn name(self) -> &'static str {
@@ -40,6 +38,7 @@ impl Class {
             Self::Health => "HEALTH",
             Self::Cloud => "CLOUD",
             Self::Point => "POINT",
+            Self::Sigma => "SIGMA",
             Self::Event => "EVENT",
             Self::Error => "ERROR",
         }

@@ -1,10 +1,11 @@
 //! HEALTH: how sensors, clocks, queues and recorder are doing.
 //!
-//! It has two parts. `core` follows from the ledger alone and is the same on replay; `shell` holds the facts of this
-//! moment on this machine.
+//! It has three parts. `core` follows from the ledger alone and is the same on replay; `estimate` tells how well the target
+//! is known; `shell` holds the facts of this moment on this machine.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tumbled_core::estimate::EstimateHealth;
 use tumbled_core::health::{CoreHealth, Level, Reason};
 use tumbled_model::{RigNs, UnixNs};
 
@@ -29,13 +30,22 @@ pub struct HealthLine {
     pub level: Level,
     /// What follows from the ledger: sensors, losses, clocks. The same on replay.
     pub core: CoreHealth,
+    /// The estimation as of the newest epoch; null: no epoch yet.
+    #[serde(default)]
+    pub estimate: Option<EstimateHealth>,
     /// What is so now, on this machine.
     pub shell: ShellHealth,
 }
 
 impl HealthLine {
-    /// Both parts at `t`, wall time `unix`.
-    pub fn new(origin: StreamOrigin, (t, unix): (RigNs, UnixNs), core: CoreHealth, shell: ShellHealth) -> Self {
+    /// Its parts at `t`, wall time `unix`.
+    pub fn new(
+        origin: StreamOrigin,
+        (t, unix): (RigNs, UnixNs),
+        core: CoreHealth,
+        estimate: Option<EstimateHealth>,
+        shell: ShellHealth,
+    ) -> Self {
         Self {
             class: Class::Health,
             origin,
@@ -43,6 +53,7 @@ impl HealthLine {
             unix_ns: unix.0.to_string(),
             level: core.level.max(shell.level()),
             core,
+            estimate,
             shell,
         }
     }

@@ -56,7 +56,7 @@ pub struct Hello {
     pub frames: Frames,
     /// The units of keys that do not name one.
     pub units: Units,
-    /// The classes this server sends. Others may be subscribed to; nothing comes of them.
+    /// The classes this server sends.
     pub classes: Vec<Class>,
     /// The formats it sends them in.
     pub formats: Vec<String>,
@@ -125,7 +125,7 @@ impl Hello {
                 time: "ns".to_owned(),
                 quaternion: "xyzw".to_owned(),
             },
-            classes: Class::OFFERED.to_vec(),
+            classes: Class::ALL.to_vec(),
             formats: FORMATS.map(str::to_owned).to_vec(),
             heartbeat: Heartbeat { class: Class::Health, period_s: 1.0 },
         }

@@ -6,7 +6,7 @@
 //!   StreamServer: listeners ─▶ accept ─▶ admitted, or refused with an ERROR
 //! ```
 //!
-//! * [`class`], [`hello`], [`state`], [`health`], [`cloud`], [`event`]: the lines and what is in them;
+//! * [`class`], [`hello`], [`state`], [`health`], [`cloud`], [`point`], [`sigma`], [`event`]: the lines and what is in them;
 //! * [`frame`]: a line that many clients share; `queue`: what waits for one of them;
 //! * [`request`]: what a client may ask for; `client`: its task;
 //! * [`bind`], [`reach`], `accept`, [`limits`]: where it listens, who comes in, what each may take;
@@ -25,10 +25,12 @@ pub mod health;
 pub mod hello;
 pub mod hub;
 pub mod limits;
+pub mod point;
 mod queue;
 pub mod reach;
 pub mod request;
 pub mod server;
+pub mod sigma;
 pub mod state;
 
 pub use bind::StreamError;
@@ -43,5 +45,7 @@ pub use health::{
 pub use hello::{ErrorLine, Hello, StreamOrigin};
 pub use hub::{ClientTotals, Publisher};
 pub use limits::Limits;
+pub use point::{Ahead, PointLine};
 pub use server::{StreamAddresses, StreamConfig, StreamServer};
+pub use sigma::SigmaLine;
 pub use state::StateLine;

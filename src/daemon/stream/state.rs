@@ -53,6 +53,9 @@ pub struct StateLine {
     pub inputs: Option<InputsLine>,
     /// Other poses that explain what was seen.
     pub alternatives: u32,
+    /// Predicted states of a tracked target: since it was last measured, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_ms_ago: Option<f64>,
     /// How long it took; only where there is a live session. The last key: each client's count of lost lines comes into it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delivery: Option<Delivery>,
@@ -156,8 +159,17 @@ impl StateLine {
                 rmse_m: inputs.rmse_m,
             }),
             alternatives: state.alternatives,
+            measured_ms_ago: None,
             delivery: None,
         }
+    }
+
+    /// The line of a state predicted to `state.t`, of which `unix` is the wall time; `measured`: when the target was last.
+    pub fn of_prediction(origin: StreamOrigin, state: &TargetState, measured: Option<RigNs>, unix: UnixNs) -> Self {
+        // Whole microseconds, as in deliveries.
+        let measured_ms_ago = measured.map(|measured| ((state.t - measured).0 as f64 * 1e-3).round() * 1e-3);
+        let line = Self::of_epoch(origin, state, unix);
+        Self { kind: StateKind::Predicted, inputs: None, measured_ms_ago, ..line }
     }
 
     /// With what its delivery took.

@@ -4,15 +4,17 @@
 //! * [`layout`]: types on the wire;
 //! * `of_state`: a state as that struct;
 //! * [`published`]: the C header and the description, made from the table;
-//! * [`sender`]: datagrams to one address, never waiting.
+//! * [`sender`]: datagrams to one address, never waiting; [`outlet`]: shared.
 
 pub mod datagram;
 pub mod layout;
 mod of_state;
+pub mod outlet;
 pub mod published;
 pub mod sender;
 
 pub use datagram::{Telemetry, TelemetryError, reason_bits};
+pub use outlet::TelemetryOutlet;
 pub use sender::{SenderError, TelemetryCounts, TelemetrySender};
 
 /// A session's id as 16 bytes: the digits where it is 32 hexadecimal ones (dashes left out), else the first bytes of its

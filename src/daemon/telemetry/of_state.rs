@@ -8,8 +8,17 @@ use super::datagram::{Telemetry, reason_bits};
 impl Telemetry {
     /// Of an epoch's state; `unix` is the wall time of its time. Origin, session and sequence are the sender's.
     pub fn of_epoch(state: &TargetState, unix: UnixNs) -> Self {
+        Self::of_state(1, state, unix)
+    }
+
+    /// Of a state predicted to `state.t`, of which `unix` is the wall time.
+    pub fn of_prediction(state: &TargetState, unix: UnixNs) -> Self {
+        Self::of_state(2, state, unix)
+    }
+
+    fn of_state(kind: u8, state: &TargetState, unix: UnixNs) -> Self {
         let mut datagram = Self::nothing_known(state.t.0, unix.0);
-        datagram.kind = 1;
+        datagram.kind = kind;
         datagram.epoch = state.epoch;
         datagram.mode = match state.mode {
             Mode::NoTarget => 0,

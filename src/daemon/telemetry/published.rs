@@ -146,6 +146,10 @@ Bits of `reasons`:
 
 For Python's `struct`: `{format}`.
 
+`[stream] telemetry` is the address, `telemetry_kind` says which states go there: `epoch` (the default: of measurements, some
+60 to 200 ms old), `predicted` (`rate_hz` times a second, predicted to the moment of sending: for who steers by it) or `both`; then a
+prediction is newer than the epoch that comes after it.
+
 ## What a receiver does
 
 1. Checks length, magic and version, then the checksum; drops what does not fit. Another version is another layout.

@@ -3,9 +3,11 @@
 use super::acquire::{Acquiring, Step};
 use super::age::Age;
 use super::axis::AxisTest;
+use super::mounting::MountingCheck;
 use super::orders::{self, Orders, Told};
 use super::predictor::{Predictor, Tracked};
 use super::reacquire::Missed;
+use super::report::EstimateHealth;
 use super::sensors::{self, PointSensor};
 use super::settings::{EstimateSettings, TargetMotionKind, TargetSearch};
 use super::state::{Mode, StateInputs, StateReason, TargetState, Validity};
@@ -18,7 +20,7 @@ use crate::ukf::{Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement, U
 use crate::workers::Workers;
 use nalgebra::{Isometry3, Point3};
 use std::collections::VecDeque;
-use tumbled_model::{Command, RigNs, Span};
+use tumbled_model::{Command, RigNs, SensorId, Span};
 
 /// Points of the target below which nothing is begun.
 const FIRST_SIGHT: usize = 60;
@@ -85,6 +87,8 @@ struct Tracking {
     poses: VecDeque<PoseMeasurement>,
     /// Of each sensor, whether the axis stays.
     axes: Vec<AxisTest>,
+    /// Whether the sensors are mounted as the config says.
+    mounting: MountingCheck,
     /// The axis was seen to move.
     tumbles: bool,
     /// Fits beyond doubt that were refused, in a row.
@@ -276,6 +280,7 @@ impl Estimator {
                             measured: t,
                             poses,
                             axes: self.sensors.iter().map(|sensor| AxisTest::new(sensor.is_kinect)).collect(),
+                            mounting: self.mounting_check(acquired_m),
                             tumbles: self.settings.motion == TargetMotionKind::Tumble,
                             refused: 0,
                             unsteady_until: t,
@@ -294,6 +299,12 @@ impl Estimator {
                 }
             }
         }
+    }
+
+    fn mounting_check(&self, acquired_m: [f64; 3]) -> MountingCheck {
+        let sensors = &self.sensors;
+        let priors = sensors.iter().map(|sensor| sensor.prior(&acquired_m.into())).collect();
+        MountingCheck::new(priors, sensors.iter().map(|sensor| sensor.t_rig_sensor).collect())
     }
 
     /// A filter from poses of a target that was acquired at a place, rig frame.
@@ -405,6 +416,16 @@ impl Estimator {
         }
     }
 
+    /// What it says of itself after an epoch's state.
+    pub(crate) fn health(&self, state: &TargetState) -> EstimateHealth {
+        let tracked = match &self.stage {
+            Stage::Tracking(tracking) => Some((&tracking.filter, &tracking.mounting)),
+            Stage::Empty | Stage::Acquiring(_) | Stage::Lost(..) => None,
+        };
+        let names: Vec<&SensorId> = self.sensors.iter().map(|sensor| &sensor.id).collect();
+        EstimateHealth::new(state, tracked, &names)
+    }
+
     /// What can be said of the times after an epoch's state.
     pub(crate) fn predictor(&self, state: &TargetState) -> Predictor {
         let tracked = match &self.stage {
@@ -451,6 +472,13 @@ impl Tracking {
             self.poses.pop_front();
         }
         let used = matches!(verdict.used, Used::Full | Used::Soft);
+        if is_sure {
+            let now = self.filter.pose_at(shot.t);
+            self.mounting.take(shot.sensor, shot.t, &now, &fit.t_rig_target);
+        }
+        if self.mounting.is_alarm() {
+            reasons.push(StateReason::Extrinsic);
+        }
         if !fit.is_firm() {
             reasons.push(StateReason::Degenerate);
         }

@@ -9,16 +9,19 @@
 //! * [`settings`]: what has to be known; [`state`]: what comes out;
 //! * `sensors`: each sensor's part; `acquire`: from nothing to a motion; `reacquire`: found again; `axis`: whether it stays;
 //!   `age`: for how long a state is good; `orders`: an operator's; `estimator`: the whole;
-//! * `predictor`: the target between epochs; `points`: the motion of its points.
+//! * `predictor`: the target between epochs; `points`: the motion of its points;
+//! * `mounting`: whether the sensors are mounted as the config says; `report`: what the estimation says of itself.
 
 mod acquire;
 mod age;
 mod axis;
 mod estimator;
+mod mounting;
 mod orders;
 mod points;
 mod predictor;
 mod reacquire;
+mod report;
 mod sensors;
 pub mod settings;
 pub mod state;
@@ -26,5 +29,6 @@ pub mod state;
 pub(crate) use estimator::Estimator;
 pub use points::{NamedPoint, PointMotion};
 pub use predictor::Predictor;
+pub use report::{EstimateHealth, LatenessReport, MountingReport, SigmaParts, SigmaReport, SpinReport};
 pub use settings::{EstimateSettings, TargetMotionKind, TargetSearch, Trust};
 pub use state::{Mode, MotionCovariance, SpinState, StateInputs, StateReason, TargetMotion, TargetState, Validity};

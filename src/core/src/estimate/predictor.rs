@@ -1,7 +1,7 @@
 //! The target between epochs: what a caller with a clock evaluates at any time, as often as it likes.
 
 use super::age::Age;
-use super::state::{Mode, StateReason, TargetMotion, TargetState, Validity};
+use super::state::{Mode, TargetMotion, TargetState};
 use crate::ukf::MotionPredictor;
 use tumbled_model::RigNs;
 
@@ -70,7 +70,7 @@ impl Predictor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::state::StateInputs;
+    use crate::estimate::state::{StateInputs, StateReason, Validity};
     use crate::ukf::{Filter, FilterOptions, PoseMeasurement, SensorPrior, StatedUncertainty};
     use nalgebra::{Isometry3, Matrix6, Translation3, Vector3};
     use tumbled_model::se3::exp_rotation;

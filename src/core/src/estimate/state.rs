@@ -109,6 +109,19 @@ pub enum Mode {
     Lost,
 }
 
+impl Mode {
+    /// The word in the state stream.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoTarget => "no_target",
+            Self::Acquiring => "acquiring",
+            Self::Tracking => "tracking",
+            Self::Predicted => "predicted",
+            Self::Lost => "lost",
+        }
+    }
+}
+
 /// How far a state may be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

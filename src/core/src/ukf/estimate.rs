@@ -95,8 +95,10 @@ fn momentum(state: &State, rotation: &Matrix3<f64>) -> Option<Momentum> {
 /// together. Their squares add up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SigmaBySource {
-    /// The sensors' constant errors: extrinsics, warp, beam tilt, time.
+    /// The sensors' constant errors: extrinsics, depth scale, warp, beam tilt.
     pub calibration: (f64, f64),
+    /// How late Kinects' stamps are.
+    pub time: (f64, f64),
     /// Their slow errors: what registration to the model leaves.
     pub slow: (f64, f64),
     /// The rest: noise and motion.
@@ -115,12 +117,18 @@ impl SigmaBySource {
         rows.columns_mut(0, sensors).copy_from(&root.columns(layout.core, sensors));
         rows.columns_mut(sensors, 6).copy_from(&root.columns(0, 6));
         let rows = triangle(rows);
-        let slow = first_slow - layout.core;
+        // e of every sensor, then how late they are, then b (`state`).
+        let (time, slow) = (6 * layout.all().len(), first_slow - layout.core);
         let part = |from: usize, to: usize| {
             let square = |axis: usize| rows.view((from, sensors + axis), (to - from, 3)).norm();
             (square(0), square(3))
         };
-        Some(Self { calibration: part(0, slow), slow: part(slow, sensors), noise: part(sensors, sensors + 6) })
+        Some(Self {
+            calibration: part(0, time),
+            time: part(time, slow),
+            slow: part(slow, sensors),
+            noise: part(sensors, sensors + 6),
+        })
     }
 }
 

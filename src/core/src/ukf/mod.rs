@@ -32,6 +32,7 @@ mod update;
 
 pub use estimate::{Estimate, SigmaBySource};
 pub use gate::{Used, Verdict};
+pub(crate) use options::BEAM_TILT_RAD;
 pub use options::{
     CalibrationTreatment, FilterMethod, FilterOptions, Motion, PoseMeasurement, SensorPrior, StatedUncertainty,
 };
@@ -128,6 +129,11 @@ impl Filter {
     /// The target at the newest pose.
     pub fn estimate(&self) -> Estimate {
         Estimate::of(&self.setup, self.history.last())
+    }
+
+    /// The most likely pose at a time, without its covariance.
+    pub fn pose_at(&self, t: RigNs) -> Isometry3<f64> {
+        sigma::mean_at(&self.setup, self.history.before(t), t).target.pose
     }
 
     /// Where a sensor's points, put into the rig by the file's extrinsic, fit the target's model: `T̂ Exp(bias)`. For a

@@ -141,6 +141,9 @@ pub struct SensorPrior {
     pub sigma_time_s: f64,
 }
 
+/// How far the biases of a LiDAR's beams tilt what it sees: 0.7° for 24 beams over 0.6 m, rad.
+pub(crate) const BEAM_TILT_RAD: f64 = 0.7 * DEGREE;
+
 /// Between the nominal centre and the place where rotation turns the cloud, m.
 const CENTER_M: f64 = 0.004;
 
@@ -165,7 +168,7 @@ impl SensorPrior {
         Self {
             kind: SensorKind::Lidar,
             nominal,
-            sigma_e: extrinsic(distance_m, stated).zip_map(&per_axis(0.7 * DEGREE, 0.0), length),
+            sigma_e: extrinsic(distance_m, stated).zip_map(&per_axis(BEAM_TILT_RAD, 0.0), length),
             sigma_b: per_axis(0.45 * DEGREE, 0.005),
             sigma_time_s: 0.0,
         }

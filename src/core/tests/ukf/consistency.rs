@@ -74,3 +74,21 @@ fn extrinsics_and_lateness_are_known_as_well_as_they_say() {
     // Six degrees of freedom over 24 runs: the mean's variance is 2·6/24, four standard deviations are 2.8. One: 1.15.
     assert!((squares - 6.0).abs() < 2.8 && (late - 1.0).abs() < 1.15, "{squares} {late}");
 }
+
+#[test]
+fn the_sources_of_uncertainty_add_up_to_the_poses_own() {
+    let options = FilterOptions::fixed_axis();
+    let run = Run::new(&options, 6.0, 20.0, 11);
+    let (mut filter, rest) = run.start(options);
+    for z in rest {
+        filter.update(z);
+    }
+    let sources = filter.sigma_by_source().expect("calibration is a state");
+    let parts = [sources.calibration, sources.time, sources.slow, sources.noise];
+    let (attitude, position) = filter.estimate().sigma();
+    let length = |pick: fn(&(f64, f64)) -> f64| parts.iter().map(|part| pick(part).powi(2)).sum::<f64>().sqrt();
+    assert!((length(|part| part.0) / attitude - 1.0).abs() < 1e-9);
+    assert!((length(|part| part.1) / position - 1.0).abs() < 1e-9);
+    // Every source has a part in it: nothing of this is known exactly.
+    assert!(parts.iter().all(|part| part.0 > 0.0 && part.1 > 0.0), "{parts:?}");
+}

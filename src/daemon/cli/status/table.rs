@@ -2,6 +2,7 @@
 
 use indicatif::HumanBytes;
 use tumbled_core::clock::ClockState;
+use tumbled_core::estimate::{EstimateHealth, SpinReport};
 use tumbled_core::health::{ClockHealth, LossHealth, SensorHealth, SensorKind};
 use tumbled_core::{ClockMode, Level};
 
@@ -13,6 +14,7 @@ pub(super) fn render(report: &StatusReport) -> String {
     let mut lines = Vec::new();
     head(&mut lines, report);
     reasons(&mut lines, report);
+    lines.extend(report.health.estimate.as_ref().map(target));
     lines.push(String::new());
     sensors(&mut lines, &report.health.core.sensors);
     lines.push(String::new());
@@ -31,6 +33,21 @@ fn head(lines: &mut Vec<String>, report: &StatusReport) {
     lines.push(origin.to_owned());
     lines.push(format!("rig {}, session {}, tumbled {}, at {}", hello.rig, hello.session, hello.version, report.at));
     lines.push(format!("{} after {}", level(health.level), lapse(health.shell.uptime_s)));
+}
+
+/// The target in a line: what is known, how well, how it spins.
+fn target(estimate: &EstimateHealth) -> String {
+    let mut line = format!("target {}", estimate.mode.name().replace('_', " "));
+    if let Some(sigma) = &estimate.sigma_by_source {
+        line += &format!(", to {:.2}° and {:.1} mm", sigma.attitude_deg.total, sigma.position_mm.total);
+    }
+    if let Some(SpinReport { axis: [x, y, z], rate_dps }) = &estimate.spin {
+        line += &format!(", spins at {rate_dps:.2}°/s about ({x:.3}, {y:.3}, {z:.3})");
+    }
+    for report in estimate.mountings.iter().filter(|report| report.alarm) {
+        line += &format!("\n  {}", report.sentence());
+    }
+    line
 }
 
 fn reasons(lines: &mut Vec<String>, report: &StatusReport) {
