@@ -86,7 +86,7 @@ fn the_sources_of_uncertainty_add_up_to_the_poses_own() {
     let sources = filter.sigma_by_source().expect("calibration is a state");
     let parts = [sources.calibration, sources.time, sources.slow, sources.noise];
     let (attitude, position) = filter.estimate().sigma();
-    let length = |pick: fn(&(f64, f64)) -> f64| parts.iter().map(|part| pick(part).powi(2)).sum::<f64>().sqrt();
+    let length = |pick: fn(&(f64, f64)) -> f64| parts.iter().map(|part| pick(part) * pick(part)).sum::<f64>().sqrt();
     assert!((length(|part| part.0) / attitude - 1.0).abs() < 1e-9);
     assert!((length(|part| part.1) / position - 1.0).abs() < 1e-9);
     // Every source has a part in it: nothing of this is known exactly.
