@@ -27,6 +27,7 @@ mod kinect_doctor;
 mod kinect_live;
 mod live_losses;
 mod machine_cli;
+mod pose_campaign_cli;
 mod predicted;
 mod real_states;
 mod record_cli;

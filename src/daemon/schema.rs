@@ -12,6 +12,7 @@ use crate::cli::config::check::CheckReport;
 use crate::config::raw::RawConfig;
 use crate::config::show::ShowReport;
 use crate::experiment::campaign::CampaignFile;
+use crate::experiment::campaign::pose::PoseCampaignFile;
 use crate::stream::{self, Sent};
 
 /// A published schema.
@@ -41,6 +42,7 @@ pub fn files() -> Vec<Published> {
         Published { file: "docs/schema/scene.schema.json", schema: schema_for!(SceneConfig) },
         Published { file: "docs/schema/faults.schema.json", schema: schema_for!(FaultScript) },
         Published { file: "docs/schema/campaign-file.schema.json", schema: schema_for!(CampaignFile) },
+        Published { file: "docs/schema/campaign-pose-file.schema.json", schema: schema_for!(PoseCampaignFile) },
     ]
 }
 
@@ -71,6 +73,18 @@ pub fn outputs() -> Vec<Published> {
         Published {
             file: "docs/schema/campaign.schema.json",
             schema: schema_for!(crate::experiment::campaign::CampaignReport),
+        },
+        Published {
+            file: "docs/schema/campaign-pose.schema.json",
+            schema: schema_for!(crate::experiment::campaign::pose::PoseCampaignReport),
+        },
+        Published {
+            file: "docs/schema/campaign-pose-trials.schema.json",
+            schema: schema_for!(crate::experiment::campaign::pose::trial::PoseTrial),
+        },
+        Published {
+            file: "docs/schema/experiment-pose.schema.json",
+            schema: schema_for!(crate::experiment::pose::PoseExperimentReport),
         },
         Published { file: "docs/schema/recover.schema.json", schema: schema_for!(crate::cli::recover::RecoverReport) },
         Published {

@@ -11,7 +11,7 @@ use super::experiment::write;
 use super::replay::origin;
 use super::{Failure, InputArgs, Outcome, VERSION, output, signals};
 use crate::decoding::Inputs;
-use crate::evaluation::score::{self, From, Outcome as Found};
+use crate::evaluation::score::{self, From, Outcome as Found, Wanted};
 use crate::evaluation::{EvaluateReport, Gathered, page, report, text, truth};
 use crate::quantity;
 use crate::session::play::play;
@@ -105,8 +105,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             inputs.scene().is_some() || inputs.recording().is_some_and(|header| header.origin == Origin::Simulated);
         score::poses(&args.truth, &samples, &mut gathered, inputs.have_host_times(), is_simulated)?
     };
-    let from = args.from.map_or(From::Turns(args.revolutions), From::At);
-    let (scored, series, unscored) = match score::score(&gathered, &truth, from, &mut warnings)? {
+    let wanted = Wanted::from(args.from.map_or(From::Turns(args.revolutions), From::At));
+    let (scored, series, unscored) = match score::score(&gathered, &truth, &wanted, &mut warnings)? {
         Found::Scored(scored, series) => (Some(*scored), Some(series), None),
         Found::Unscored(reason) => (None, None, Some(reason)),
     };

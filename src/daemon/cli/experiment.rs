@@ -1,5 +1,7 @@
 //! `tumbled experiment`: the published experiments, on simulated sensors or a recording.
 
+mod pose;
+
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -24,6 +26,8 @@ use crate::quantity;
 pub enum Command {
     /// Register Kinect clouds onto LiDAR clouds by every method: success, errors, residuals, milliseconds, NEES.
     Registration(Args),
+    /// Turn a target in steps about x, y and z: attitude and axis at its rests by every method, or steps of a recording.
+    Pose(pose::Args),
 }
 
 /// What `experiment registration` is asked for.
@@ -104,6 +108,7 @@ pub(super) struct TrialLine<'a> {
 pub fn run(command: Command) -> Result<Outcome, Failure> {
     match command {
         Command::Registration(args) => registration(&args),
+        Command::Pose(args) => pose::run(&args),
     }
 }
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use tumbled_io::foreign::{FakenectFolder, PcapFile};
 use tumbled_io::recording::{FileSystem, Recorder, RecordingHeader, Storage};
 use tumbled_kinect::{PIXELS, RawImage, decode_raw};
-use tumbled_model::{Body, Event, RigNs, SensorId, Span, UnixNs};
+use tumbled_model::{Body, Event, SensorId, Span, UnixNs};
 use tumbled_serial::log::{LogEntry, Side};
 use tumbled_serial::zaber::is_request;
 use tumbled_sim::faults::{FaultInjector, FaultTruth};
@@ -22,6 +22,7 @@ use tumbled_velodyne::wire::POSITION_LEN;
 
 use super::{Failure, FaultArgs, Outcome, VERSION, import, output};
 use crate::quantity;
+use crate::simulation::truth::samples;
 use crate::simulation::{SimulatedLedger, faults, rig, scenes};
 
 /// What `simulate` is asked for.
@@ -288,16 +289,13 @@ impl Files {
     }
 }
 
-/// A hundred times a second: pose of the mesh's frame in the rig's, angular velocity in rig axes, rad/s.
+/// A line for each sample of the truth.
 fn truth(scene: &Scene, file: &mut impl Write) -> io::Result<()> {
-    const EVERY: Span = Span(10_000_000);
     writeln!(file, "t_ns,unix_ns,px,py,pz,qx,qy,qz,qw,wx,wy,wz")?;
-    for n in 0..=scene.duration().0 / EVERY.0 {
-        let t = RigNs(n * EVERY.0);
-        let Some(state) = scene.world.target(t) else { return Ok(()) };
-        let (p, q, w) = (state.t_rig_body.translation.vector, state.t_rig_body.rotation, state.angular_velocity_rps);
-        let unix = scene.unix_at_zero().0 + t.0;
-        write!(file, "{},{unix}", t.0)?;
+    for sample in samples(scene) {
+        let (p, q, w) =
+            (sample.t_rig_target.translation.vector, sample.t_rig_target.rotation, sample.angular_velocity_rps);
+        write!(file, "{},{}", sample.t.0, scene.unix_at_zero().0 + sample.t.0)?;
         for value in [p.x, p.y, p.z, q.i, q.j, q.k, q.w, w.x, w.y, w.z] {
             write!(file, ",{value:?}")?;
         }

@@ -91,7 +91,7 @@ impl Gathered {
             angular_velocity_rps: motion.angular_velocity_rps,
             covariance: Some(motion.covariance),
             nis: state.nis,
-            momentum: None,
+            momentum: motion.momentum,
         });
         let spin_sigma = motion.spin.map(|spin| (spin.axis_sigma_rad, spin.rate_sigma_rps));
         self.marks.push(Mark { unix, is_ok: state.validity == Validity::Ok, spin_sigma });

@@ -3,9 +3,10 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
+use nalgebra::{Isometry3, Vector3};
 use tumbled_core::evaluate::{
-    EncoderSample, EvaluateError, EvaluateOptions, Evaluation, Trajectory, TurntableEvaluation, evaluate,
-    evaluate_turntable,
+    EncoderSample, EstimateSample, EvaluateError, EvaluateOptions, Evaluation, Trajectory, TurntableEvaluation,
+    evaluate, evaluate_turntable,
 };
 use tumbled_model::{RigNs, UnixNs};
 
@@ -27,6 +28,26 @@ pub enum From {
     At(RigNs),
     /// After so many turns of the target since it was first tracked.
     Turns(f64),
+}
+
+/// What is scored of a session, and what of it is known beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted {
+    /// From when on.
+    pub from: From,
+    /// Until when; `None`: to the end.
+    pub until: Option<From>,
+    /// Truth's target frame to the estimate's, where it is known.
+    pub gauge: Option<Isometry3<f64>>,
+    /// The true direction of the angular momentum, rig axes, where it is known.
+    pub momentum: Option<Vector3<f64>>,
+}
+
+impl Wanted {
+    /// All from a time on, and nothing known beforehand.
+    pub const fn from(from: From) -> Self {
+        Self { from, until: None, gauge: None, momentum: None }
+    }
 }
 
 /// What is held against the states.
@@ -164,17 +185,25 @@ pub fn turntable(gathered: &Gathered, warnings: &mut Vec<String>) -> Result<(Tru
 ///
 /// # Errors
 /// An interval without states or without truth: exit code 2.
-pub fn score(gathered: &Gathered, truth: &Truth, from: From, warnings: &mut Vec<String>) -> Result<Outcome, Failure> {
-    let estimates = &gathered.estimates;
+pub fn score(
+    gathered: &Gathered,
+    truth: &Truth,
+    wanted: &Wanted,
+    warnings: &mut Vec<String>,
+) -> Result<Outcome, Failure> {
+    let (Truth::Poses(_, travel) | Truth::Encoder(_, travel)) = truth;
+    let estimates = until(&gathered.estimates, travel, wanted.until);
     let (Some(first), Some(last)) = (estimates.first(), estimates.last()) else {
         return Ok(Outcome::Unscored("no epoch was tracked".to_owned()));
     };
     if estimates.len() < 2 {
         return Ok(Outcome::Unscored("one epoch alone was tracked, and two are the least".to_owned()));
     }
-    let (Truth::Poses(_, travel) | Truth::Encoder(_, travel)) = truth;
-    let options =
-        EvaluateOptions { from: begin(travel, from, (first.t, last.t), warnings), ..EvaluateOptions::default() };
+    let options = EvaluateOptions {
+        from: begin(travel, wanted.from, (first.t, last.t), warnings),
+        gauge: wanted.gauge,
+        momentum: wanted.momentum,
+    };
     let (scored, series) = match truth {
         Truth::Poses(trajectory, _) => {
             let found = evaluate(estimates, trajectory, &options).map_err(Failure::input)?;
@@ -210,6 +239,17 @@ pub fn score(gathered: &Gathered, truth: &Truth, from: From, warnings: &mut Vec<
         }
     };
     Ok(Outcome::Scored(Box::new(scored), series))
+}
+
+/// The states until a time, which are scored or come before the interval.
+fn until<'a>(estimates: &'a [EstimateSample], travel: &Travel, until: Option<From>) -> &'a [EstimateSample] {
+    let end = match until {
+        None => None,
+        Some(From::At(t)) => Some(t),
+        Some(From::Turns(turns)) => estimates.first().and_then(|first| travel.after(first.t, turns * TAU)),
+    };
+    let count = end.map_or(estimates.len(), |end| estimates.partition_point(|estimate| estimate.t <= end));
+    estimates.get(..count).unwrap_or(estimates)
 }
 
 /// When scoring begins; `None`: with the first state.

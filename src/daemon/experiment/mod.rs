@@ -10,17 +10,21 @@
 //! * [`figures`]: what trials come to; [`bounds`]: how sure a share is;
 //! * [`stored`]: pairs as files for other programs;
 //! * [`registration`]: the experiment; [`sweep`]: the published method's parameters; [`recorded`]: pairs of a recording;
+//! * [`pose`]: the rotation experiment: steps, and what is said of the target at its rests;
+//! * [`lanes`]: a simulated session through several configs at once;
 //! * [`campaign`]: the acceptance figures; [`machine`]: where they were measured;
 //! * [`text`], [`page`], [`plot`]: figures for people.
 
 pub mod bounds;
 pub mod campaign;
 pub mod figures;
+pub mod lanes;
 pub mod machine;
 pub mod organised;
 pub mod page;
 pub mod pairs;
 pub mod plot;
+pub mod pose;
 pub mod recorded;
 pub mod registration;
 pub mod stored;

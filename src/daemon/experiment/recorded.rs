@@ -188,7 +188,8 @@ impl Matching {
 
     fn take(&mut self, epochs: &[Epoch]) {
         for epoch in epochs {
-            let Some(seen) = seen(epoch) else { continue };
+            let Some(points) = seen(epoch) else { continue };
+            let seen = Seen { t: epoch.t, points };
             if epoch.sensor == self.lidar {
                 self.crossings += 1;
                 if self.next.is_none_or(|next| seen.t >= next) {
@@ -224,7 +225,7 @@ impl Matching {
 }
 
 /// An epoch's points in the region of interest, in the sensor's frame; `None`: too few.
-fn seen(epoch: &Epoch) -> Option<Seen> {
+pub fn seen(epoch: &Epoch) -> Option<Vec<Point3<f32>>> {
     let inside = |n: usize| epoch.rig.in_roi.get(n).is_some_and(|inside| *inside);
     let point = |[x, y, z]: [&[f32]; 3], n: usize| Some(Point3::new(*x.get(n)?, *y.get(n)?, *z.get(n)?));
     let points: Vec<Point3<f32>> = match &epoch.scan {
@@ -237,5 +238,5 @@ fn seen(epoch: &Epoch) -> Option<Seen> {
             scan.crossing.clone().filter(|n| inside(*n)).filter_map(|n| point(columns, n)).collect()
         }
     };
-    (points.len() >= LEAST_POINTS).then_some(Seen { t: epoch.t, points })
+    (points.len() >= LEAST_POINTS).then_some(points)
 }

@@ -3,7 +3,7 @@
 //! * [`faults`]: fault files, and what was done by them;
 //! * [`scenes`]: scenes by name or file;
 //! * [`rig`]: the config of a simulated rig, as an operator would have it and as it is;
-//! * [`meshes`]: surfaces that people bring;
+//! * [`meshes`]: surfaces that people bring; [`truth`]: where the target truly is;
 //! * [`ledger`]: a simulated session as a ledger;
 //! * [`live`]: a scene in real time, for a live session; [`stage`]: its turntable on a serial port.
 
@@ -16,6 +16,7 @@ pub mod rig;
 mod scene_tests;
 pub mod scenes;
 pub mod stage;
+pub mod truth;
 
 pub use ledger::SimulatedLedger;
 pub use scenes::{SCHEME, scene_of};

@@ -4,6 +4,8 @@ use core::fmt::Write;
 use std::path::Path;
 
 use bytes::Bytes;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tumbled_io::recording::{AttachedFile, Origin, RecordingHeader};
 use tumbled_model::Span;
 use tumbled_sim::scene::{LidarUnit, Scene, Transform};
@@ -11,12 +13,27 @@ use tumbled_sim::scene::{LidarUnit, Scene, Transform};
 use crate::config::{self, ConfigError, Loaded, Recorded, show};
 
 /// Whose view of the rig it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum View {
     /// What an operator would have: mountings and offsets off by what a calibration leaves.
+    #[default]
     Operator,
     /// The truth.
     Truth,
+}
+
+/// Which sensors of a rig a config has; data of the others are left aside.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Sensors {
+    /// All.
+    #[default]
+    All,
+    /// The Kinects alone.
+    Kinect,
+    /// The LiDARs alone.
+    Lidar,
 }
 
 /// The config that an operator of a scene's rig would have, loaded; `name` is what messages call it.
@@ -24,13 +41,33 @@ pub enum View {
 /// # Errors
 /// `settings` that the config does not take.
 pub fn operators(scene: &Scene, name: &Path, settings: &[String]) -> Result<Loaded, ConfigError> {
+    loaded(scene, (View::Operator, Sensors::All), name, settings)
+}
+
+/// A view of a scene's rig as a config, loaded; `name` is what messages call it.
+///
+/// # Errors
+/// `settings` that the config does not take.
+pub fn loaded(
+    scene: &Scene,
+    (view, sensors): (View, Sensors),
+    name: &Path,
+    settings: &[String],
+) -> Result<Loaded, ConfigError> {
+    let mut partial = scene.clone();
+    match sensors {
+        Sensors::All => {}
+        Sensors::Kinect => (partial.config.lidar, partial.lidars) = (Vec::new(), Vec::new()),
+        Sensors::Lidar => (partial.config.kinect, partial.kinects) = (Vec::new(), Vec::new()),
+    }
+    let scene = &partial;
     let attach = |(n, lidar): (usize, &LidarUnit)| {
         let text = lidar.db_xml.as_ref()?;
         let content = Bytes::copy_from_slice(text.as_bytes());
         Some(AttachedFile::new(&format!("lidar.{}.calibration", lidar.id), &calibration_file(scene, n), content))
     };
     let files = scene.lidars.iter().enumerate().filter_map(attach).collect();
-    let header = RecordingHeader { config: toml(scene, View::Operator), files, ..RecordingHeader::default() };
+    let header = RecordingHeader { config: toml(scene, view), files, ..RecordingHeader::default() };
     config::load_recorded(Recorded { path: name.to_owned(), header }, settings)
 }
 

@@ -57,9 +57,19 @@ pub fn load(name: &str) -> Result<Scene, Failure> {
 /// # Errors
 /// As [`load`].
 pub fn load_with(name: &str, seed: Option<u64>, duration: Option<Duration>) -> Result<Scene, Failure> {
+    load_changed(name, |config| {
+        config.seed = seed.unwrap_or(config.seed);
+        config.duration_s = duration.map_or(config.duration_s, |duration| duration.as_secs_f64());
+    })
+}
+
+/// The same with any change of its keys.
+///
+/// # Errors
+/// As [`load`], and keys that are no scene any more.
+pub fn load_changed(name: &str, change: impl FnOnce(&mut SceneConfig)) -> Result<Scene, Failure> {
     let mut config = read(name)?;
-    config.seed = seed.unwrap_or(config.seed);
-    config.duration_s = duration.map_or(config.duration_s, |duration| duration.as_secs_f64());
+    change(&mut config);
     let brought = brought(name, &config)?;
     Scene::build_with(config, brought).map_err(|error| Failure::input(format!("the scene {name}: {error}")))
 }

@@ -242,6 +242,7 @@ mod tests {
                 axis_sigma_rad: 0.1_f64.to_radians(),
                 rate_sigma_rps: 0.01_f64.to_radians(),
             }),
+            momentum: None,
         };
         let line = StateLine::of_epoch(StreamOrigin::Replay, &state(Some(motion)), UnixNs(9));
         let json: serde_json::Value = serde_json::to_value(&line).expect("JSON");

@@ -79,6 +79,7 @@ mod tests {
             angular_velocity_rps: Vector3::new(0.0, 0.0, 0.5),
             covariance: SMatrix::identity() * 4.0,
             spin: None,
+            momentum: None,
         };
         let datagram = Telemetry::of_epoch(&state(Some(motion)), UnixNs(7));
         assert_eq!((datagram.t_ns, datagram.unix_ns, datagram.epoch, datagram.kind), (5, 7, 9, 1));

@@ -75,6 +75,7 @@ mod tests {
             angular_velocity_rps: Vector3::new(0.1, -0.2, 0.35),
             covariance: root * root.transpose(),
             spin: None,
+            momentum: None,
         }
     }
 
@@ -133,6 +134,7 @@ mod tests {
             angular_velocity_rps: Vector3::zeros(),
             covariance,
             spin: None,
+            momentum: None,
         };
         let variance = motion.point(&Vector3::new(2.0, 0.0, 0.0)).covariance.diagonal();
         let expected = Vector6::new(0.0, 4e-6, 4e-6, 0.0, 0.0, 0.0);

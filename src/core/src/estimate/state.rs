@@ -47,6 +47,9 @@ pub struct TargetMotion {
     pub covariance: MotionCovariance,
     /// The spin, where it is more than noise.
     pub spin: Option<SpinState>,
+    /// Direction of the angular momentum, which a free tumble keeps: of length 1, rig axes. `None`: not known, or a motion
+    /// about a fixed axis is assumed.
+    pub momentum: Option<Vector3<f64>>,
 }
 
 impl From<Estimate> for TargetMotion {
@@ -62,6 +65,7 @@ impl From<Estimate> for TargetMotion {
                 axis_sigma_rad: spin.axis_sigma_rad,
                 rate_sigma_rps: spin.rate_sigma_rps,
             }),
+            momentum: estimate.momentum.map(|momentum| momentum.axis_rig.into_inner()),
         }
     }
 }

@@ -17,6 +17,10 @@ pub struct Consistency {
     /// By state, in the covariance's order: stated standard deviation over r.m.s. error, 1 if it is right. Infinite where
     /// there was no error.
     pub sigma_over_rms: [f64; 12],
+    /// What that is of, for figures over several runs: the stated variances' mean and the squared errors' mean, by state.
+    pub variance: [f64; 12],
+    /// See [`Self::variance`].
+    pub square: [f64; 12],
     /// Estimates whose covariance was no covariance; they are in none of the others.
     pub not_positive: u32,
 }
@@ -67,7 +71,10 @@ pub(super) fn consistency<'a>(
     for (to, (variance, square)) in sigma_over_rms.iter_mut().zip(variances.iter().zip(&squares)) {
         *to = libm::sqrt(variance / square);
     }
-    Some(Consistency { nees12, nees6, sigma_over_rms, not_positive: found.len() as u32 - nees12.count })
+    let mean = |sums: &Error12| core::array::from_fn(|row| sums[row] / f64::from(nees12.count));
+    let (variance, square) = (mean(&variances), mean(&squares));
+    let not_positive = found.len() as u32 - nees12.count;
+    Some(Consistency { nees12, nees6, sigma_over_rms, variance, square, not_positive })
 }
 
 #[cfg(test)]
@@ -105,6 +112,9 @@ mod tests {
         let found = consistency(errors.iter().map(|error| (error, &covariance)), 4).expect("some");
         assert!((found.nees12.mean - 48.0).abs() < 1e-9);
         assert!(found.sigma_over_rms.iter().all(|ratio| (ratio - 0.5).abs() < 1e-12));
+        // 0.01² was stated, and 0.02² it is.
+        let is = |found: &[f64; 12], expected: f64| found.iter().all(|mean| (mean / expected - 1.0).abs() < 1e-12);
+        assert!(is(&found.variance, 1e-4) && is(&found.square, 4e-4));
         // Too large by far, and said so.
         assert!(found.nees12.mean > found.nees12.bounds.1);
     }

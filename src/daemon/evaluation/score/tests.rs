@@ -60,7 +60,8 @@ fn scored(
 ) -> (Scored, TruthClock, Vec<String>) {
     let (truth, source) = poses(Path::new("t.csv"), samples, gathered, have_wall, false).expect("a truth");
     let mut warnings = Vec::new();
-    let Outcome::Scored(scored, _) = score(gathered, &truth, from, &mut warnings).expect("scored") else {
+    let Outcome::Scored(scored, _) = score(gathered, &truth, &Wanted::from(from), &mut warnings).expect("scored")
+    else {
         panic!("unscored")
     };
     (*scored, source.clock, warnings)
@@ -128,9 +129,25 @@ fn a_turntable_is_truth_where_its_encoder_is() {
     let mut warnings = Vec::new();
     let (truth, source) = turntable(&gathered, &mut warnings).expect("a turntable");
     assert_eq!((source.samples, source.left_out, warnings.len()), (501, 20, 1));
-    let found = score(&gathered, &truth, From::Turns(1.0), &mut warnings).expect("scored");
+    let found = score(&gathered, &truth, &Wanted::from(From::Turns(1.0)), &mut warnings).expect("scored");
     let Outcome::Scored(found, _) = found else { panic!("{found:?}") };
     let figures = found.turntable.expect("a turntable");
     assert!(figures.about_axis_deg.max < 1e-5 && figures.axis[2] > 0.999_999, "{figures:?}");
     assert_eq!((found.wrong.count, found.wrong.of), (3, 239));
+}
+
+#[test]
+fn an_interval_ends_where_it_is_told_to() {
+    let mut gathered = gathered(25);
+    let (truth, _) = poses(Path::new("t.csv"), &truth(0, 1_000), &mut gathered, true, false).expect("a truth");
+    let span = |from, until| {
+        let wanted = Wanted { until: Some(until), ..Wanted::from(from) };
+        match score(&gathered, &truth, &wanted, &mut Vec::new()).expect("scored") {
+            Outcome::Scored(scored, _) => (scored.from_s, scored.to_s, scored.states),
+            Outcome::Unscored(reason) => panic!("{reason}"),
+        }
+    };
+    assert_eq!(span(From::At(RigNs(4 * S)), From::At(RigNs(6 * S))), (4.0, 6.0, 21));
+    // Half a turn at 20 °/s is 9 s, and tracking began at 1 s.
+    assert_eq!(span(From::Turns(0.0), From::Turns(0.5)), (1.0, 10.0, 91));
 }

@@ -92,16 +92,22 @@ pub struct Limits {
 }
 
 impl Limits {
-    fn hold(&self, value: f64) -> bool {
+    /// Whether a value lies between.
+    pub fn hold(&self, value: f64) -> bool {
         self.at_least.is_none_or(|least| value >= least) && self.at_most.is_none_or(|most| value <= most)
     }
 
     /// For people: `≥ 98.0 %`.
     pub fn written(&self, figure: Figure) -> String {
+        self.written_as(|value| figure.written(value))
+    }
+
+    /// The same of numbers that are written in a way of their own.
+    pub fn written_as(&self, written: impl Fn(f64) -> String) -> String {
         match (self.at_least, self.at_most) {
-            (Some(least), Some(most)) => format!("{} to {}", figure.written(least), figure.written(most)),
-            (Some(least), None) => format!("≥ {}", figure.written(least)),
-            (None, Some(most)) => format!("≤ {}", figure.written(most)),
+            (Some(least), Some(most)) => format!("{} to {}", written(least), written(most)),
+            (Some(least), None) => format!("≥ {}", written(least)),
+            (None, Some(most)) => format!("≤ {}", written(most)),
             (None, None) => "-".to_owned(),
         }
     }

@@ -8,13 +8,26 @@ use tumbled_core::register::Method;
 use tumbled_sim::target::TargetKind;
 
 use super::claims::{Figure, Limits};
+use super::pose::PoseCampaignFile;
 use crate::cli::Failure;
 use crate::experiment::pairs::{Attitudes, PairSpec, PointCounts};
 use crate::experiment::registration::Set;
 use crate::experiment::trial::{Start, method_named};
 
 /// The campaigns that come with the program: name and text.
-const CAMPAIGNS: [(&str, &str); 1] = [("registration", include_str!("../../../../config/campaigns/registration.toml"))];
+const CAMPAIGNS: [(&str, &str); 2] = [
+    ("pose", include_str!("../../../../config/campaigns/pose.toml")),
+    ("registration", include_str!("../../../../config/campaigns/registration.toml")),
+];
+
+/// A campaign of either kind.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Campaign {
+    /// Pairs of clouds.
+    Registration(CampaignFile),
+    /// Whole sessions: a file with `kind = "pose"`.
+    Pose(PoseCampaignFile),
+}
 
 /// What is measured, and what it must reach.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -86,7 +99,7 @@ pub struct ClaimEntry {
     pub aim: Option<Limits>,
 }
 
-impl CampaignFile {
+impl Campaign {
     /// Reads a campaign: one that comes with the program, by its name, or a file.
     ///
     /// # Errors
@@ -102,12 +115,21 @@ impl CampaignFile {
                     .with_help(format!("the program's own campaigns are {}", names.join(", ")))
             })?,
         };
-        let wrong = |problem: String| Failure::input(format!("{}: {problem}", name.display()));
-        let file: Self = toml::from_str(&text).map_err(|error| wrong(error.to_string()))?;
-        file.check().map_err(wrong)?;
-        Ok(file)
+        Self::parse(&text).map_err(|problem| Failure::input(format!("{}: {problem}", name.display())))
     }
 
+    fn parse(text: &str) -> Result<Self, String> {
+        let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
+        if table.contains_key("kind") {
+            return PoseCampaignFile::parse(text).map(Self::Pose);
+        }
+        let file: CampaignFile = toml::from_str(text).map_err(|error| error.to_string())?;
+        file.check()?;
+        Ok(Self::Registration(file))
+    }
+}
+
+impl CampaignFile {
     fn check(&self) -> Result<(), String> {
         for set in &self.set {
             let id = &set.id;
@@ -174,7 +196,7 @@ mod tests {
 
     #[test]
     fn the_programs_campaign_is_one_and_has_a_hundred_pairs_of_each_kind() {
-        let file = CampaignFile::read(Path::new("registration")).expect("a campaign");
+        let Ok(Campaign::Registration(file)) = Campaign::read(Path::new("registration")) else { panic!("a campaign") };
         assert!(file.set.iter().all(|set| set.pairs >= 100), "issue 6: at least 100 per row");
         let claimed = |set: &SetEntry| file.claim.iter().any(|claim| claim.sets.contains(&set.id));
         assert!(file.set.iter().all(claimed));
