@@ -36,8 +36,11 @@ const KEPT: Span = Span(1_500_000_000);
 const TUMBLE_AFTER: Span = Span(3_000_000_000);
 /// Fits beyond doubt, of which so many in a row are refused, tell of a motion that has changed.
 const MANOEUVRE: u32 = 2;
+/// And so far off are they, as a normalised innovation squared: what is pushed is farther off from frame to frame, noise that
+/// is stronger than believed is refused at 28 already.
+const PUSHED: f64 = 56.0;
 /// The least share of points on the model of a fit beyond doubt.
-const BEYOND_DOUBT: f64 = 0.7;
+const BEYOND_DOUBT: f64 = 0.95;
 /// What is then known of the motion, one axis: m/s and rad/s (90°/s).
 const DISTURBED: (f64, f64) = (0.3, core::f64::consts::FRAC_PI_2);
 /// So long it went unnoticed, s: the frames that were refused.
@@ -459,8 +462,9 @@ impl Tracking {
         }
         let mut verdict = self.filter.update(&measurement);
         let is_sure = fit.is_firm() && fit.covers(BEYOND_DOUBT);
-        self.refused = if is_sure && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
-        if self.refused >= MANOEUVRE || self.refused > 0 && verdict.lost {
+        let is_far = verdict.nis.is_some_and(|nis| nis > PUSHED);
+        self.refused = if is_sure && is_far && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
+        if self.refused >= MANOEUVRE || is_sure && verdict.lost {
             self.filter.disturb(DISTURBED.0, DISTURBED.1, UNNOTICED_S);
             verdict = self.filter.update(&measurement);
             self.unsteady_until = shot.t + UNSTEADY_FOR;
