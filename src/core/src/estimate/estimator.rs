@@ -3,6 +3,7 @@
 use super::acquire::{Acquiring, Step};
 use super::age::Age;
 use super::axis::AxisTest;
+use super::begin;
 use super::mounting::MountingCheck;
 use super::orders::{self, Orders, Told};
 use super::predictor::{Predictor, Tracked};
@@ -11,15 +12,15 @@ use super::report::EstimateHealth;
 use super::sensors::{self, PointSensor};
 use super::settings::{EstimateSettings, TargetMotionKind, TargetSearch};
 use super::state::{Mode, StateInputs, StateReason, TargetState, Validity};
+use super::tracking::Tracking;
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, Scan};
 use crate::notice::{Gravity, NoticeKind};
 use crate::segment::{Expectation, Search, Segment, Segmenter};
-use crate::track::{Fit, RigMotion, TrackFrame, Tracker};
-use crate::ukf::{Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement, Used};
+use crate::track::{RigMotion, TrackFrame, Tracker};
+use crate::ukf::{Motion, PoseMeasurement};
 use crate::workers::Workers;
 use nalgebra::{Isometry3, Point3};
-use std::collections::VecDeque;
 use tumbled_model::{Command, RigNs, SensorId, Span};
 
 /// Points of the target below which nothing is begun.
@@ -30,28 +31,8 @@ const TAKES_PART: Span = Span(2_000_000_000);
 const SETTLING: Span = Span(1_000_000_000);
 /// The target reaches this far beyond its model's radius, m.
 const BEYOND_M: f64 = 0.10;
-/// Poses that are kept for a filter of another motion.
-const KEPT: Span = Span(1_500_000_000);
 /// A tumble's filter begins when a filter of a fixed axis has brought tracking and model so far.
 const TUMBLE_AFTER: Span = Span(3_000_000_000);
-/// Fits beyond doubt, of which so many in a row are refused, tell of a motion that has changed.
-const MANOEUVRE: u32 = 2;
-/// And so far off are they, as a normalised innovation squared: what is pushed is farther off from frame to frame, noise that
-/// is stronger than believed is refused at 28 already.
-const PUSHED: f64 = 56.0;
-/// The least share of points on the model of a fit beyond doubt.
-const BEYOND_DOUBT: f64 = 0.95;
-/// What is then known of the motion, one axis: m/s and rad/s (90°/s).
-const DISTURBED: (f64, f64) = (0.3, core::f64::consts::FRAC_PI_2);
-/// So long it went unnoticed, s: the frames that were refused.
-const UNNOTICED_S: f64 = 0.1;
-/// So long after it the motion may go on changing, by so much from epoch to epoch: m/s and rad/s (20°/s).
-const UNSTEADY_FOR: Span = Span(400_000_000);
-const UNSTEADY: (f64, f64) = (0.05, 0.17);
-/// Shares of the poses' information with which a filter is begun, until it can be.
-const BELIEVED: [f64; 3] = [1.0, 1.0 / 16.0, 1.0 / 256.0];
-/// A start that refuses one pose or more to so many that it takes was of no steady motion.
-const UNSTEADY_START: u64 = 2;
 /// Of a LiDAR's crossing, the share that must have been seen for a target to be begun with it: one that the stream begins or
 /// breaks off in shows a part of the target, and the frame's origin would be that part's.
 const WHOLE_CROSSING: f64 = 0.8;
@@ -74,41 +55,6 @@ enum Stage {
     Acquiring(Box<Acquiring>),
     Tracking(Box<Tracking>),
     Lost(Box<Missed>),
-}
-
-/// A target that is tracked.
-#[derive(Debug)]
-struct Tracking {
-    tracker: Tracker,
-    filter: Filter,
-    motion: Motion,
-    /// Where it was acquired, rig frame, m.
-    acquired_m: [f64; 3],
-    began: RigNs,
-    measured: RigNs,
-    /// The newest poses.
-    poses: VecDeque<PoseMeasurement>,
-    /// Of each sensor, whether the axis stays.
-    axes: Vec<AxisTest>,
-    /// Whether the sensors are mounted as the config says.
-    mounting: MountingCheck,
-    /// The axis was seen to move.
-    tumbles: bool,
-    /// Fits beyond doubt that were refused, in a row.
-    refused: u32,
-    /// Until when the motion may go on changing.
-    unsteady_until: RigNs,
-    /// Of each sensor, the most points it was tracked with.
-    most_points: Vec<usize>,
-}
-
-/// What an epoch meant for a tracked target.
-struct Measured {
-    nis: Option<f64>,
-    fit: Option<Fit>,
-    reasons: Vec<StateReason>,
-    used: bool,
-    lost: bool,
 }
 
 impl Estimator {
@@ -270,7 +216,7 @@ impl Estimator {
             Step::Ready => {
                 let motion = Motion::FixedAxis;
                 let acquired_m = acquiring.acquired_m();
-                match self.filter(acquiring.window(), motion, acquired_m) {
+                match begin::filter(&self.settings, &self.sensors, acquiring.window(), motion, acquired_m) {
                     Some(filter) => {
                         let t = frame.shot().t;
                         let poses = acquiring.window().iter().copied().collect();
@@ -308,37 +254,6 @@ impl Estimator {
         let sensors = &self.sensors;
         let priors = sensors.iter().map(|sensor| sensor.prior(&acquired_m.into())).collect();
         MountingCheck::new(priors, sensors.iter().map(|sensor| sensor.t_rig_sensor).collect())
-    }
-
-    /// A filter from poses of a target that was acquired at a place, rig frame.
-    fn filter(&self, window: &[PoseMeasurement], motion: Motion, acquired_m: [f64; 3]) -> Option<Filter> {
-        let first = window.first()?;
-        let priors: Vec<_> = self.sensors.iter().map(|sensor| sensor.prior(&first.pose.translation.vector)).collect();
-        let options = match motion {
-            _ if self.settings.method == FilterMethod::Paper => FilterOptions { motion, ..FilterOptions::paper() },
-            Motion::FixedAxis => FilterOptions::fixed_axis(),
-            Motion::FreeTumble => FilterOptions::free_tumble(),
-        };
-        let options = FilterOptions {
-            method: self.settings.method,
-            mean_motion_rps: self.settings.mean_motion_rps,
-            orbit_center_m: self.settings.orbit_center_m.unwrap_or(acquired_m),
-            ..options
-        };
-        // What moves by hand keeps to no steady motion as closely as its poses are known: they are then believed less.
-        BELIEVED.iter().find_map(|share| {
-            let poses: Vec<_> =
-                window.iter().map(|pose| PoseMeasurement { information: pose.information * *share, ..*pose }).collect();
-            let mut filter = Filter::start(options, priors.clone(), &poses)?;
-            let counts = filter.counts();
-            let is_unsteady = *share < 1.0 || counts.rejected * UNSTEADY_START > counts.full + counts.soft;
-            if let Some(newest) = window.last().filter(|_| is_unsteady) {
-                // The steady motion of most of them passes by where the target is now: measured 1.7° and 17 mm.
-                filter.disturb(DISTURBED.0, DISTURBED.1, UNNOTICED_S);
-                filter.update(newest);
-            }
-            Some(filter)
-        })
     }
 
     fn track(&mut self, mut tracking: Box<Tracking>, frame: &TrackFrame, state: &mut TargetState) -> Stage {
@@ -388,7 +303,9 @@ impl Estimator {
             return;
         }
         let poses: Vec<PoseMeasurement> = tracking.poses.iter().copied().collect();
-        if let Some(filter) = self.filter(&poses, Motion::FreeTumble, tracking.acquired_m) {
+        if let Some(filter) =
+            begin::filter(&self.settings, &self.sensors, &poses, Motion::FreeTumble, tracking.acquired_m)
+        {
             (tracking.filter, tracking.motion, tracking.began) = (filter, Motion::FreeTumble, t);
         }
     }
@@ -438,67 +355,6 @@ impl Estimator {
             Stage::Empty | Stage::Acquiring(_) | Stage::Lost(..) => None,
         };
         Predictor::new(state, tracked)
-    }
-}
-
-impl Tracking {
-    /// Lays a frame on the model and lets the filter have the pose.
-    fn measure(&mut self, frame: &TrackFrame) -> Measured {
-        let shot = *frame.shot();
-        let nothing = |reason| Measured { nis: None, fit: None, reasons: vec![reason], used: false, lost: false };
-        if frame.is_empty() {
-            return nothing(StateReason::NoPoints);
-        }
-        let fit = self.tracker.fit(frame, &self.filter.seen_by(shot.t, shot.sensor));
-        if !fit.is_trusted() {
-            return Measured { fit: Some(fit), ..nothing(StateReason::PoorFit) };
-        }
-        let measurement =
-            PoseMeasurement { t: shot.t, sensor: shot.sensor, pose: fit.t_rig_target, information: fit.information };
-        let mut reasons = Vec::new();
-        if shot.t < self.unsteady_until {
-            self.filter.disturb(UNSTEADY.0, UNSTEADY.1, 0.0);
-            reasons.push(StateReason::Manoeuvre);
-        }
-        let mut verdict = self.filter.update(&measurement);
-        let is_sure = fit.is_firm() && fit.covers(BEYOND_DOUBT);
-        let is_far = verdict.nis.is_some_and(|nis| nis > PUSHED);
-        self.refused = if is_sure && is_far && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
-        if self.refused >= MANOEUVRE || is_sure && verdict.lost {
-            self.filter.disturb(DISTURBED.0, DISTURBED.1, UNNOTICED_S);
-            verdict = self.filter.update(&measurement);
-            self.unsteady_until = shot.t + UNSTEADY_FOR;
-            self.axes.iter_mut().for_each(AxisTest::forget);
-            reasons.push(StateReason::Manoeuvre);
-        }
-        self.poses.push_back(measurement);
-        while self.poses.front().is_some_and(|oldest| shot.t - oldest.t > KEPT) {
-            self.poses.pop_front();
-        }
-        let used = matches!(verdict.used, Used::Full | Used::Soft);
-        if is_sure {
-            let now = self.filter.pose_at(shot.t);
-            self.mounting.take(shot.sensor, shot.t, &now, &fit.t_rig_target);
-        }
-        if self.mounting.is_alarm() {
-            reasons.push(StateReason::Extrinsic);
-        }
-        if !fit.is_firm() {
-            reasons.push(StateReason::Degenerate);
-        }
-        if used {
-            self.measured = shot.t;
-            if let Some(most) = self.most_points.get_mut(shot.sensor) {
-                *most = frame.len().max(*most);
-            }
-            self.tracker.accept(frame, &fit);
-            if let Some(axis) = self.axes.get_mut(shot.sensor) {
-                self.tumbles |= axis.moves(&fit.t_rig_target.rotation);
-            }
-        } else {
-            reasons.push(StateReason::Rejected);
-        }
-        Measured { nis: verdict.nis, fit: Some(fit), reasons, used, lost: verdict.lost }
     }
 }
 

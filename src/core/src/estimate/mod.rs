@@ -8,13 +8,15 @@
 //!
 //! * [`settings`]: what has to be known; [`state`]: what comes out;
 //! * `sensors`: each sensor's part; `acquire`: from nothing to a motion; `reacquire`: found again; `axis`: whether it stays;
-//!   `age`: for how long a state is good; `orders`: an operator's; `estimator`: the whole;
+//!   `begin`: how a filter is begun; `tracking`: a frame to the model and to the filter; `age`: for how long a state is good;
+//!   `orders`: an operator's; `estimator`: the whole;
 //! * `predictor`: the target between epochs; `points`: the motion of its points;
 //! * `mounting`: whether the sensors are mounted as the config says; `report`: what the estimation says of itself.
 
 mod acquire;
 mod age;
 mod axis;
+mod begin;
 mod estimator;
 mod mounting;
 mod orders;
@@ -25,6 +27,7 @@ mod report;
 mod sensors;
 pub mod settings;
 pub mod state;
+mod tracking;
 
 pub(crate) use estimator::Estimator;
 pub use points::{NamedPoint, PointMotion};
