@@ -14,7 +14,7 @@ use super::settings::{EstimateSettings, TargetMotionKind, TargetSearch};
 use super::state::{Mode, StateInputs, StateReason, TargetState, Validity};
 use super::tracking::Tracking;
 use crate::config::CoreConfig;
-use crate::epoch::{Epoch, Scan};
+use crate::epoch::Epoch;
 use crate::notice::{Gravity, NoticeKind};
 use crate::segment::{Expectation, Search, Segment, Segmenter};
 use crate::track::{RigMotion, TrackFrame, Tracker};
@@ -33,9 +33,7 @@ const SETTLING: Span = Span(1_000_000_000);
 const BEYOND_M: f64 = 0.10;
 /// A tumble's filter begins when a filter of a fixed axis has brought tracking and model so far.
 const TUMBLE_AFTER: Span = Span(3_000_000_000);
-/// Of a LiDAR's crossing, the share that must have been seen for a target to be begun with it: one that the stream begins or
-/// breaks off in shows a part of the target, and the frame's origin would be that part's.
-const WHOLE_CROSSING: f64 = 0.8;
+
 /// The estimation: one for a session.
 #[derive(Debug)]
 pub(crate) struct Estimator {
@@ -112,15 +110,18 @@ impl Estimator {
         let is_kinect = self.sensors.get(number).is_some_and(|sensor| sensor.is_kinect);
         let mut state = blank(epoch, is_kinect);
         state.inputs.points = segment.indices.len() as u32;
-        if matches!(self.stage, Stage::Empty | Stage::Lost(_)) && is_part_of_a_crossing(epoch) {
+        let is_part = self.sensors.get_mut(number).is_some_and(|sensor| sensor.saw_a_part(epoch));
+        if is_part && matches!(self.stage, Stage::Empty | Stage::Lost(_)) {
             segment.indices.clear();
+        }
+        if segment.ambiguous {
+            state.reasons.push(StateReason::Ambiguous);
         }
         if let Some(sensor) = self.sensors.get(number) {
             let frame = sensor.frame(number, epoch, &segment.indices, &motion);
             self.advance(&frame, &mut state, workers);
         }
         if segment.ambiguous {
-            state.reasons.push(StateReason::Ambiguous);
             state.validity = state.validity.max(Validity::Degraded);
         }
         self.segment = segment;
@@ -258,7 +259,8 @@ impl Estimator {
 
     fn track(&mut self, mut tracking: Box<Tracking>, frame: &TrackFrame, state: &mut TargetState) -> Stage {
         let t = frame.shot().t;
-        let measured = tracking.measure(frame);
+        let is_clear = !state.reasons.contains(&StateReason::Ambiguous);
+        let measured = tracking.measure(frame, is_clear);
         state.nis = measured.nis;
         if let Some(fit) = &measured.fit {
             state.inputs.inliers = if fit.used > 0 { fit.inliers as f64 / fit.used as f64 } else { 0.0 };
@@ -361,11 +363,6 @@ impl Estimator {
 /// Why nothing can be begun with a frame.
 fn too_few(frame: &TrackFrame) -> Option<StateReason> {
     (frame.len() < FIRST_SIGHT).then(|| if frame.is_empty() { StateReason::NoPoints } else { StateReason::FewPoints })
-}
-
-/// Whether a LiDAR saw a part of the region only.
-fn is_part_of_a_crossing(epoch: &Epoch) -> bool {
-    matches!(&epoch.scan, Scan::Lidar(scan) if scan.coverage < WHOLE_CROSSING)
 }
 
 /// How far the model reaches from the target's origin, m.

@@ -10,6 +10,8 @@ use tumbled_model::{RigNs, SensorId};
 
 /// Standard deviation of a LiDAR's range, the beams' own biases apart, m (method.md §7).
 const RANGE_SIGMA_M: f64 = 0.0165;
+/// Of what a LiDAR can see of the region, the least share for a crossing to be whole.
+const WHOLE_CROSSING: f64 = 0.8;
 
 /// One sensor that measures points.
 #[derive(Clone, Debug)]
@@ -22,6 +24,8 @@ pub(super) struct PointSensor {
     pub(super) t_rig_sensor: Isometry3<f64>,
     /// How well it is known.
     trust: Trust,
+    /// Of a LiDAR's crossings so far, the largest share of the region that was seen.
+    widest: Option<f64>,
     /// When it last measured the target.
     pub(super) measured: Option<RigNs>,
 }
@@ -33,6 +37,7 @@ pub(super) fn of_config(config: &CoreConfig) -> Vec<PointSensor> {
         is_kinect,
         t_rig_sensor,
         trust: config.estimate.trust(id),
+        widest: None,
         measured: None,
     };
     let kinects = config.kinects.iter().map(|k| sensor(&k.id, true, k.t_rig_kinect.isometry));
@@ -58,6 +63,15 @@ impl PointSensor {
         } else {
             SensorPrior::lidar(nominal, distance_m, &stated)
         }
+    }
+
+    /// Whether a LiDAR saw less of the region with an epoch than it can: one that the stream begins or breaks off in shows a part
+    /// of the target, and the origin of a target begun with it would be that part's. What lies beyond a limited view never shows.
+    pub(super) fn saw_a_part(&mut self, epoch: &Epoch) -> bool {
+        let Scan::Lidar(scan) = &epoch.scan else { return false };
+        let widest = self.widest.unwrap_or(1.0);
+        self.widest = Some(self.widest.unwrap_or(0.0).max(scan.coverage));
+        scan.coverage < WHOLE_CROSSING * widest
     }
 
     /// The target's points of an epoch as a frame; `number` is the sensor's, `target` the points' indices.

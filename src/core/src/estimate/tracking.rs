@@ -11,12 +11,14 @@ use tumbled_model::{RigNs, Span};
 /// Poses that are kept for a filter of another motion.
 const KEPT: Span = Span(1_500_000_000);
 /// Fits beyond doubt, of which so many in a row are refused, tell of a motion that has changed.
-const MANOEUVRE: u32 = 2;
+const MANOEUVRE: u32 = 3;
 /// And so far off are they, as a normalised innovation squared: what is pushed is farther off from frame to frame, noise that
 /// is stronger than believed is refused at 28 already.
 const PUSHED: f64 = 56.0;
 /// The least share of points on the model of a fit beyond doubt.
-const BEYOND_DOUBT: f64 = 0.95;
+const BEYOND_DOUBT: f64 = 0.7;
+/// The least share on the model of a frame that may show something else besides the target, to be taken into the model.
+const WHOLLY: f64 = 0.95;
 /// What is then known of the motion, one axis: m/s and rad/s (90°/s).
 pub(super) const DISTURBED: (f64, f64) = (0.3, core::f64::consts::FRAC_PI_2);
 /// So long it went unnoticed, s: the frames that were refused.
@@ -60,8 +62,9 @@ pub(super) struct Measured {
 }
 
 impl Tracking {
-    /// Lays a frame on the model and lets the filter have the pose.
-    pub(super) fn measure(&mut self, frame: &TrackFrame) -> Measured {
+    /// Lays a frame on the model and lets the filter have the pose. The model takes the frame in only where `is_clear` that it
+    /// shows the target and nothing else: it would grow by a room, and then look for the target in a room.
+    pub(super) fn measure(&mut self, frame: &TrackFrame, is_clear: bool) -> Measured {
         let shot = *frame.shot();
         let nothing = |reason| Measured { nis: None, fit: None, reasons: vec![reason], used: false, lost: false };
         if frame.is_empty() {
@@ -109,7 +112,9 @@ impl Tracking {
             if let Some(most) = self.most_points.get_mut(shot.sensor) {
                 *most = frame.len().max(*most);
             }
-            self.tracker.accept(frame, &fit);
+            if is_clear || fit.covers(WHOLLY) {
+                self.tracker.accept(frame, &fit);
+            }
             if let Some(axis) = self.axes.get_mut(shot.sensor) {
                 self.tumbles |= axis.moves(&fit.t_rig_target.rotation);
             }
