@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use tumbled::config::UnixPath;
 use tumbled::stream::{Class, Limits, StreamConfig, StreamError, StreamServer};
+use tumbled::unix_socket::UnixSocketError;
 
 use crate::support::Workbench;
 use crate::support::stream::{Client, hello, marked, on_a_free_port, server};
@@ -51,7 +52,7 @@ fn a_socket_that_is_served_is_left_to_its_server() {
     let first = StreamServer::start(with_socket(path.clone(), true), &hello()).expect("starts");
     for configured in [true, false] {
         let second = StreamServer::start(with_socket(path.clone(), configured), &hello());
-        assert!(matches!(second, Err(StreamError::UnixInUse { .. })), "{second:?}");
+        assert!(matches!(second, Err(StreamError::Unix(UnixSocketError::InUse { .. }))), "{second:?}");
     }
     Client::connect_unix(&path);
     first.stop();

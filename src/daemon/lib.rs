@@ -29,3 +29,4 @@ pub mod session;
 pub mod simulation;
 pub mod stream;
 pub mod telemetry;
+pub mod unix_socket;

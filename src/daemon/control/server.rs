@@ -41,8 +41,8 @@ impl ControlServer {
         let work = move || {
             let desk = Desk { control, clock, background_s };
             loop {
-                match listener.socket.accept() {
-                    Ok((client, _)) => drop(desk.serve(client)),
+                match listener.accept() {
+                    Ok(client) => drop(desk.serve(client)),
                     Err(_) if until.wait(LOOK_EVERY) => return,
                     Err(_) => {}
                 }

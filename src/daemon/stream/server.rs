@@ -13,12 +13,13 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
 use super::accept::{Listener, accept};
-use super::bind::{self, SocketFile, StreamError};
+use super::bind::{self, StreamError};
 use super::hello::{Hello, StreamOrigin};
 use super::hub::{ClientTotals, Hub, Publisher};
 use super::limits::Limits;
 use super::reach;
 use crate::config::{self, UnixPath};
+use crate::unix_socket::SocketFile;
 
 /// Worker threads: one may be busy with a large line while the other serves the rest.
 const WORKERS: usize = 2;
