@@ -12,9 +12,6 @@ use tumbled_model::{RigNs, Span};
 const KEPT: Span = Span(1_500_000_000);
 /// Fits beyond doubt, of which so many in a row are refused, tell of a motion that has changed.
 const MANOEUVRE: u32 = 3;
-/// And so far off are they, as a normalised innovation squared: what is pushed is farther off from frame to frame, noise that
-/// is stronger than believed is refused at 28 already.
-const PUSHED: f64 = 56.0;
 /// The least share of points on the model of a fit beyond doubt.
 const BEYOND_DOUBT: f64 = 0.7;
 /// The least share on the model of a frame that may show something else besides the target, to be taken into the model.
@@ -83,8 +80,7 @@ impl Tracking {
         }
         let mut verdict = self.filter.update(&measurement);
         let is_sure = fit.is_firm() && fit.covers(BEYOND_DOUBT);
-        let is_far = verdict.nis.is_some_and(|nis| nis > PUSHED);
-        self.refused = if is_sure && is_far && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
+        self.refused = if is_sure && verdict.used == Used::Rejected { self.refused + 1 } else { 0 };
         if self.refused >= MANOEUVRE || is_sure && verdict.lost {
             self.filter.disturb(DISTURBED.0, DISTURBED.1, UNNOTICED_S);
             verdict = self.filter.update(&measurement);
