@@ -10,10 +10,7 @@ use tumbled_core::estimate::{Mode, StateReason};
 
 use crate::support::Workbench;
 use crate::support::daemon::Daemon;
-
-fn states(stdout: &str) -> Vec<StateLine> {
-    stdout.lines().map(|line| serde_json::from_str(line).expect(line)).collect()
-}
+use crate::support::states::lines;
 
 /// Somebody who stands in the region of interest for good, and a bus that is carried to a place before him.
 const ROOM: &str = r#"
@@ -57,13 +54,13 @@ fn what_stands_in_an_empty_room_is_no_target_once_it_is_learned() {
     assert_eq!(done.code, 0, "{}", done.stderr);
     let replay = ["replay", "sim/capture.mcap", "--config", "sim/rig.toml", "-o", "-"];
     // Unlearned, whoever stands there is the target.
-    let unlearned = states(&bench.run(&replay).stdout);
+    let unlearned = lines(&bench.run(&replay).stdout);
     let early = |state: &&StateLine| (1_100_000_000..1_700_000_000).contains(&state.t_ns);
     assert!(unlearned.iter().filter(early).any(|state| state.mode != Mode::NoTarget), "nobody is seen");
     let start = ["--set", "target.background=start", "--set", "target.background_s=1"];
     let done = bench.run(&[&replay[..], &start].concat());
     assert!(done.stderr.contains("voxels of 5 cm is learned"), "{}", done.stderr);
-    let learned = states(&done.stdout);
+    let learned = lines(&done.stdout);
     let first = learned.first().expect("states").t_ns;
     for state in &learned {
         let is_learning = state.t_ns < first + 1_000_000_000;
@@ -121,7 +118,7 @@ fn an_order_stands_in_the_ledger_and_a_replay_repeats_it_to_the_bit() {
     assert!(!socket.exists(), "it goes with its daemon");
     let verified = bench.run(&["verify", "run.mcap"]);
     assert!(verified.code == 0 && verified.stdout.contains("match"), "{}{}", verified.stdout, verified.stderr);
-    let all = states(&bench.run(&["replay", "run.mcap", "-o", "-"]).stdout);
+    let all = lines(&bench.run(&["replay", "run.mcap", "-o", "-"]).stdout);
     assert!(all.iter().any(|state| state.reasons == [StateReason::Learning]));
 }
 

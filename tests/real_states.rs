@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
 use tumbled::stream::StateLine;
 use tumbled_core::estimate::Mode;
 use tumbled_core::register::baseline::{IterationOptions, gicp};
@@ -16,23 +16,10 @@ use tumbled_model::{Body, Event};
 use crate::support::Workbench;
 use crate::support::pcap::{Datagram, write_pcap};
 use crate::support::real::{datagrams, real};
+use crate::support::states::{apart, pose, replayed};
 
 fn states(bench: &Workbench, arguments: &[&str]) -> Vec<StateLine> {
-    let done = bench.run(&[&["replay", "-o", "-"], arguments].concat());
-    assert!(done.code == 0 || done.code == 3, "{}", done.stderr);
-    done.stdout.lines().map(|line| serde_json::from_str(line).expect(line)).collect()
-}
-
-fn pose(state: &StateLine) -> Option<Isometry3<f64>> {
-    let [x, y, z, w] = state.rotation_xyzw?;
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-    Some(Isometry3::from_parts(Translation3::from(state.position_m?), rotation))
-}
-
-/// How far an estimated motion is from the true one: degrees and millimetres.
-fn apart(estimated: &Isometry3<f64>, truth: &Isometry3<f64>) -> (f64, f64) {
-    let error = truth.inverse() * estimated;
-    (error.rotation.angle().to_degrees(), 1e3 * error.translation.vector.norm())
+    replayed(bench, arguments, &[0, 3])
 }
 
 /// The rig of the sequence: one camera, whose scene is the target.

@@ -1,11 +1,12 @@
 //! Estimates while a sensor is silent, packets are lost, or the target is carried away; still targets.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use serde_json::Value;
 use tumbled::stream::StateLine;
 use tumbled_core::estimate::{Mode, StateReason, Validity};
 
 use crate::support::Workbench;
+use crate::support::states::{self, apart, replayed};
 
 fn simulate(bench: &Workbench, scene: &str, seconds: &str, more: &[&str]) {
     let done = bench.run(&[&["simulate", scene, "-o", "sim", "--duration", seconds], more].concat());
@@ -13,10 +14,8 @@ fn simulate(bench: &Workbench, scene: &str, seconds: &str, more: &[&str]) {
 }
 
 fn states(bench: &Workbench, more: &[&str]) -> Vec<StateLine> {
-    let recorded = ["replay", "sim/capture.mcap", "--config", "sim/rig.toml", "-o", "-"];
-    let done = bench.run(&[&recorded[..], more].concat());
-    assert_eq!(done.code, 0, "{}", done.stderr);
-    done.stdout.lines().map(|line| serde_json::from_str(line).expect(line)).collect()
+    let recorded = ["sim/capture.mcap", "--config", "sim/rig.toml"];
+    replayed(bench, &[&recorded[..], more].concat(), &[0])
 }
 
 fn seconds(state: &StateLine) -> f64 {
@@ -24,14 +23,7 @@ fn seconds(state: &StateLine) -> f64 {
 }
 
 fn pose(state: &StateLine) -> Isometry3<f64> {
-    let [x, y, z, w] = state.rotation_xyzw.expect("a rotation");
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Translation3::from(state.position_m.expect("a place")), rotation)
-}
-
-/// Degrees and millimetres between two poses.
-fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
-    (a.rotation.angle_to(&b.rotation).to_degrees(), 1e3 * (a.translation.vector - b.translation.vector).norm())
+    states::pose(state).expect("a pose")
 }
 
 /// One standard deviation of the attitude, all axes together, degrees.

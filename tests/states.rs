@@ -10,11 +10,10 @@ use tumbled_core::estimate::{Mode, StateReason};
 
 use crate::support::Workbench;
 use crate::support::daemon::Daemon;
+use crate::support::states::replayed;
 
 fn states(bench: &Workbench, arguments: &[&str]) -> Vec<StateLine> {
-    let done = bench.run(&[&["replay", "-o", "-"], arguments].concat());
-    assert_eq!(done.code, 0, "{}", done.stderr);
-    done.stdout.lines().map(|line| serde_json::from_str(line).expect(line)).collect()
+    replayed(bench, arguments, &[0])
 }
 
 /// A scene of the target at 20 degrees a second, of which so much is simulated.

@@ -8,6 +8,7 @@ pub(crate) mod real;
 pub(crate) mod replaying;
 pub(crate) mod rig;
 pub(crate) mod stage;
+pub(crate) mod states;
 pub(crate) mod stream;
 #[cfg(feature = "kinect-usb")]
 pub(crate) mod usb;
