@@ -19,6 +19,8 @@ use tumbled::simulation::live::{SimulatedRig, Way};
 use tumbled_io::live::{EventReceiver, Ledger, QueueBound, SessionClock, StopToken};
 use tumbled_model::Body;
 
+/// The scene that the sensors look at.
+pub(crate) const SCENE: &str = "turntable-5dps";
 /// What its lines begin with: the test runner writes to the same stream.
 const MARK: &str = "feeder: ";
 /// Where the Kinect's frames go: a FIFO.
@@ -92,7 +94,7 @@ fn child() {
     let path = |name: &str| std::env::var_os(name).map(|value: OsString| PathBuf::from(value));
     let (Some(kinect), Some(stage)) = (path(KINECT), path(STAGE)) else { return };
     let clock = SessionClock::start_on_system();
-    let rig = SimulatedRig::load("turntable-5dps", None, unix_at_zero(&clock)).expect("a scene");
+    let rig = SimulatedRig::load(SCENE, None, unix_at_zero(&clock)).expect("a scene");
     println!("{MARK}ready");
     let mut orders = std::io::stdin().lines();
     let order = orders.next().expect("an order").expect("reads");

@@ -2,6 +2,7 @@
 //! on a pseudo terminal, each fed by another process, for as long as it takes. Run by `.ci/long rig`.
 
 mod feeder;
+mod watcher;
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -13,6 +14,7 @@ use std::time::Duration;
 use fake_libusb_control::{FrameTruth, FrameWriter};
 use tumbled::cli::replay::ReplayReport;
 use tumbled::cli::run::RunReport;
+use tumbled::simulation::rig::{self, View};
 use tumbled::simulation::scenes;
 use tumbled_core::ClockState;
 use tumbled_core::turntable::TruthState;
@@ -21,9 +23,12 @@ use tumbled_model::{Body, RigNs};
 use tumbled_sim::session::Simulation;
 
 use crate::support::Workbench;
-use crate::support::usb::{RIG, Usb};
+use crate::support::usb::Usb;
 use feeder::Feeder;
+use watcher::{Watcher, percentile};
 
+/// What a config adds so that a daemon serves on free ports.
+const SERVED: &str = "[stream]\ntcp = \"127.0.0.1:0\"\nunix = \"\"\nfoxglove = \"\"\n[record]\nmin_free = \"\"\n";
 /// Seconds of the whole rig; `RIG_SECONDS` in the environment says otherwise.
 const SECONDS: u64 = 600;
 
@@ -63,14 +68,18 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
     assert!(Command::new("mkfifo").arg(&feed).status().expect("mkfifo runs").success());
     let mut feeder = Feeder::start(&feed, &stage);
     let usb = Usb::with(bench, "kinect 1414 serial A1 port 1\nfeed kinect.feed");
-    let with_stage = format!("{RIG}[turntable]\nport = \"{}\"\nprotocol = \"zaber\"\n", stage.display());
-    usb.bench.file("rig.toml", with_stage.replace("id = \"front\"", "id = \"front\"\nmodel = \"vlp-32c\""));
+    let scene = scenes::load_with(feeder::SCENE, None, None).expect("a scene");
+    // What an operator would have, with ports of this machine.
+    let operators = rig::toml(&scene, View::Operator).replace("/dev/rig/turntable", &stage.display().to_string());
+    usb.bench.file("rig.toml", format!("{operators}\n{SERVED}"));
     let duration = format!("{seconds}s");
     let mut running = usb.start(&["--duration", &duration]);
+    let watcher = Watcher::start(running.daemon.stream.expect("a stream"), running.daemon.id());
     running.daemon.once_said("receiving from a Kinect");
     feeder.begin(running.daemon.data, running.daemon.position);
     let ended = running.daemon.finish();
     let fed = feeder.stop();
+    let seen = watcher.seen();
 
     let live: RunReport = serde_json::from_str(&ended.report).unwrap_or_else(|error| panic!("{error} in {ended:?}"));
     let ledger = Ledger::read(&parts(&usb, &live));
@@ -90,7 +99,21 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
         fed.left_out.left_out_s,
         fed.left_out.late,
     );
+    println!(
+        "{} states of epochs, {} tracked, {} predicted; last byte to the line: {}; middle of the exposure or crossing to the \
+         line p50 {:.1} ms, p99 {:.1} ms; {:.2} processors",
+        seen.total_ms.len(),
+        seen.tracked,
+        seen.predicted,
+        ["frames", "crossings"].iter().zip(&seen.after_last_byte_ms).map(in_words).collect::<Vec<_>>().join(", "),
+        percentile(&seen.total_ms, 0.5),
+        percentile(&seen.total_ms, 0.99),
+        seen.processors.expect("it ran for more than five seconds"),
+    );
     assert!(live.complete && ended.code == Some(0), "{ended:?}");
+    // The client reads all that is said, and the target stands there all the time: at first it is acquired.
+    assert!(seen.tracked as u64 * 100 > live.checkpoint.epochs * 95, "{} of {}", seen.tracked, live.checkpoint.epochs);
+    assert!(seen.predicted as f64 > 80.0 * (live.duration_s - 5.0), "{}", seen.predicted);
     assert_eq!((ledger.gaps.len(), ledger.skips), (0, 0));
     assert!(ledger.frames.iter().all(|(_, _, lost)| *lost == 0));
     let sent = usb.standin.truth().expect("a truth file");
@@ -115,6 +138,12 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
     assert_eq!(done.code, 0, "{}", done.stderr);
     let replay: ReplayReport = done.json();
     assert_eq!((replay.checkpoint, replay.digest), (live.checkpoint, live.digest));
+}
+
+/// Percentiles of what one sensor's states took.
+fn in_words((what, ms): (&&str, &Vec<f64>)) -> String {
+    let [half, most, all] = [0.5, 0.99, 1.0].map(|share| percentile(ms, share));
+    format!("{what} p50 {half:.2} ms, p99 {most:.2} ms, largest {all:.2} ms")
 }
 
 /// The files of a session's recording.

@@ -131,7 +131,7 @@ pub struct SensorHealth {
     pub malformed_first: BTreeMap<String, String>,
     /// Data that came twice; used once.
     pub duplicates: u64,
-    /// Data that came after later ones.
+    /// Data that came after later ones; frames also whose time is nearer to the one before than a sensor's period allows.
     pub reordered: u64,
     /// Points by what became of them: `decoded` is the sum of the others and of those on their way.
     pub points: PointHealth,

@@ -6,7 +6,7 @@
 //! ```
 
 use crate::boundary::Shedding;
-use crate::clock::{DeviceClock, DeviceClockKind, Pushed};
+use crate::clock::{ClockState, DeviceClock, DeviceClockKind, Pushed};
 use crate::config::{CoreConfig, KinectSetup};
 use crate::epoch::{Epoch, KinectScan, RigCloud, Scan, TimeBasis};
 use crate::health::{EpochHealth, KinectHealth, PointHealth, SensorHealth, SensorKind, SensorState, age_ns};
@@ -23,6 +23,11 @@ use tumbled_model::{DepthEncoding, KinectTicks, PacketMask, RigNs, SensorId, Sou
 /// A frozen device is closed and opened anew by its source: for so long it counts as frozen, and not as absent. It is live
 /// again by then, or it has gone.
 const FROZEN_STANDS: Span = Span(5_000_000_000);
+
+/// Exposures follow each other by 33.3 ms: after one whose time is the device's own, none comes for so long. What is left of the
+/// period is room for corrections of a locked clock's line. The other sensors need not wait for the next frame's arrival to know
+/// it.
+const NEXT_AFTER: Span = Span(25_000_000);
 
 /// A depth frame as the ledger has it.
 #[derive(Clone, Copy)]
@@ -51,7 +56,8 @@ pub(crate) struct KinectChannel {
     depth: DepthImage,
     ready: Vec<Epoch>,
     spare: Vec<KinectScan>,
-    newest: Option<RigNs>,
+    /// No frame has an earlier time any more.
+    passed: Option<RigNs>,
     points: PointHealth,
     kinect: KinectHealth,
     reordered: u64,
@@ -79,7 +85,7 @@ impl KinectChannel {
             depth: DepthImage::new(),
             ready: Vec::new(),
             spare: Vec::new(),
-            newest: None,
+            passed: None,
             points: PointHealth::default(),
             kinect: KinectHealth::default(),
             reordered: 0,
@@ -113,7 +119,7 @@ impl KinectChannel {
             return;
         }
         let Some((t, sigma, basis)) = self.time(frame.ticks, arrived) else { return };
-        if self.newest.is_some_and(|newest| t < newest) {
+        if self.passed.is_some_and(|passed| t < passed) {
             self.reordered += 1;
             return;
         }
@@ -131,7 +137,7 @@ impl KinectChannel {
         self.points.decoded += scan.points.len() as u64;
         self.points.in_epochs += scan.points.len() as u64;
         self.kinect.points_in_roi = rig.points_in_roi() as u64;
-        self.newest = Some(t);
+        self.passed = Some(if basis == TimeBasis::Device(ClockState::Locked) { t + NEXT_AFTER } else { t });
         let sensor = self.id.clone();
         let scan = Scan::Kinect(scan);
         self.ready.push(Epoch { number: 0, sensor, t, span: (t, t), sigma, basis, arrived, scan, rig });
@@ -139,7 +145,7 @@ impl KinectChannel {
 
     /// No later epoch will have an earlier time.
     pub(crate) fn watermark(&self) -> Option<RigNs> {
-        self.newest
+        self.passed
     }
 
     /// The frames since the last call, as epochs.
