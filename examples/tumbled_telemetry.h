@@ -34,6 +34,7 @@ enum tumbled_kind { TUMBLED_EPOCH = 1, TUMBLED_PREDICTION = 2 };
 #define TUMBLED_REASON_EXTRINSIC     (UINT32_C(1) << 9) /* the sensors disagree by more than their mountings' uncertainty */
 #define TUMBLED_REASON_MANOEUVRE     (UINT32_C(1) << 10) /* the motion has just changed: something pushed the target, or its stage starts or stops */
 #define TUMBLED_REASON_LEARNING      (UINT32_C(1) << 11) /* the empty room is being learned: nothing is looked for */
+#define TUMBLED_REASON_UNRECOGNISED  (UINT32_C(1) << 12) /* what is seen is not recognised as the target whose model is given */
 #define TUMBLED_REASON_OTHER         (UINT32_C(1) << 31) /* one that this layout has no bit for */
 
 struct tumbled_telemetry {

@@ -40,6 +40,7 @@ mod replay_killed;
 mod rig_files;
 mod run_cli;
 mod run_simulated;
+mod saved_target;
 mod scene_limits;
 mod schemas;
 mod simulated;

@@ -28,5 +28,6 @@ pub mod schema;
 pub mod session;
 pub mod simulation;
 pub mod stream;
+pub mod target;
 pub mod telemetry;
 pub mod unix_socket;

@@ -86,6 +86,14 @@ pub fn outputs() -> Vec<Published> {
             file: "docs/schema/experiment-pose.schema.json",
             schema: schema_for!(crate::experiment::pose::PoseExperimentReport),
         },
+        Published {
+            file: "docs/schema/target.schema.json",
+            schema: schema_for!(crate::cli::target::show::TargetReport),
+        },
+        Published {
+            file: "docs/schema/target-match.schema.json",
+            schema: schema_for!(crate::cli::target::matching::MatchReport),
+        },
         Published { file: "docs/schema/recover.schema.json", schema: schema_for!(crate::cli::recover::RecoverReport) },
         Published {
             file: "docs/schema/simulate.schema.json",

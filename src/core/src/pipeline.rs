@@ -19,6 +19,7 @@ use crate::estimate::{EstimateHealth, Estimator, NamedPoint, Predictor, TargetSt
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
+use crate::track::Surfels;
 use crate::turntable::TurntableSample;
 use crate::workers::Workers;
 use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
@@ -168,6 +169,11 @@ impl Pipeline {
     /// What the estimation says of itself after an epoch: of the newest, whose state this is.
     pub fn estimate_health(&self, state: &TargetState) -> EstimateHealth {
         self.estimator.health(state)
+    }
+
+    /// The target's model as it is now, in its own frame. `None`: there is none.
+    pub fn model(&self) -> Option<&Surfels> {
+        self.estimator.model()
     }
 
     /// The target's points whose motion is to be told.

@@ -32,6 +32,7 @@ pub mod run;
 pub mod signals;
 pub mod simulate;
 pub mod status;
+pub mod target;
 pub mod verify;
 
 pub use failure::{Failure, Outcome};
@@ -102,6 +103,9 @@ enum Command {
     Experiment(experiment::Command),
     /// Measure the acceptance figures: experiments over seeds, held against what they must reach.
     Campaign(campaign::Args),
+    /// Keep a target's model as a named frame, and recognise it in later sessions.
+    #[command(subcommand)]
+    Target(target::Command),
     /// Make a finished recording of one that was interrupted or damaged.
     Recover(recover::Args),
     /// Find where two recordings differ.
@@ -137,6 +141,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Experiment(command) => experiment::run(command),
         Command::Campaign(args) => campaign::run(&args),
+        Command::Target(command) => target::run(command),
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Status(args) => status::run(&args),

@@ -11,7 +11,8 @@ use super::origin::{Layer, Origin};
 use super::problem::Problem;
 use super::raw::{LidarModel, RawConfig, RawKinect, RawLidar, RawPointOfInterest, RawTransform, RawTurntable};
 use super::tree::{Node, Step, display_path, element_path};
-use super::{Config, KinectConfig, LidarConfig, PointOfInterest, TargetConfig, TurntableConfig};
+use super::{Config, KinectConfig, LidarConfig, PointOfInterest, SavedFile, TargetConfig, TurntableConfig};
+use crate::target::SavedTarget;
 
 /// Checks every rule and types what passes.
 ///
@@ -37,6 +38,7 @@ pub(super) fn check_rules(
     let time = super::check_session::time(&raw.time);
     let stream = super::check_session::stream(&mut rules, &raw.stream);
     let record = super::check_session::record(&mut rules, &raw.record);
+    let saved = rules.saved(&raw.target.saved);
     let [x, y, z] = raw.target.roi_center_m;
     Some(Config {
         name: raw.rig.name,
@@ -50,6 +52,7 @@ pub(super) fn check_rules(
             search: raw.target.search,
             background: raw.target.background,
             background_s: raw.target.background_s,
+            saved: saved?,
         },
         points_of_interest: raw.points_of_interest.into_iter().map(typed_point).collect(),
         time,
@@ -209,6 +212,24 @@ impl Rules<'_> {
             self.broken(&keys(&["turntable", "baud"]), format!("{baud} is no rate of a serial line"), help);
         }
         TurntableConfig { port, protocol, baud, counts_per_turn: Some(counts_per_turn).filter(|counts| *counts > 0) }
+    }
+
+    /// `Some(None)`: not set. `None`: set to a file that is no saved target, reported.
+    fn saved(&mut self, text: &str) -> Option<Option<SavedFile>> {
+        if text.is_empty() {
+            return Some(None);
+        }
+        let path = keys(&["target", "saved"]);
+        let found = self.file(&path, text);
+        let file = self.needed(&path, found)?;
+        match SavedTarget::read(&file.content) {
+            Ok(target) => Some(Some(SavedFile { file, target })),
+            Err(error) => {
+                let help = "name a file that `tumbled target save` wrote, or leave `saved` out";
+                self.broken(&path, format!("{} is no saved target: {error}", file.place), help);
+                None
+            }
+        }
     }
 
     /// `Some(None)`: not set. `None`: set to something that is no address, reported.

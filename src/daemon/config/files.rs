@@ -13,7 +13,8 @@ use super::origin::{Layer, Origin};
 /// A file the config names, with what is in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RigFile {
-    /// The key that names it: `lidar.front.calibration`, `kinect.near.depth_table`, `rig.calibration`.
+    /// The key that names it: `lidar.front.calibration`, `kinect.near.depth_table`, `rig.calibration`,
+    /// `target.saved`.
     pub key: String,
     /// Its name without folders.
     pub name: String,
@@ -46,7 +47,8 @@ impl Config {
     pub fn attachments(&self) -> Vec<AttachedFile> {
         let calibrations = self.lidars.iter().filter_map(|lidar| lidar.calibration.as_ref());
         let tables = self.kinects.iter().filter_map(|kinect| kinect.depth_table.as_ref());
-        let all = self.calibration.iter().chain(calibrations).chain(tables);
+        let saved = self.target.saved.iter().map(|saved| &saved.file);
+        let all = self.calibration.iter().chain(calibrations).chain(tables).chain(saved);
         all.map(|file| AttachedFile::new(&file.key, &file.name, file.content.clone())).collect()
     }
 }

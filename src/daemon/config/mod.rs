@@ -44,6 +44,8 @@ pub use raw::{
 pub use raw_session::{ClockMethod, FilterMethodName, MotionName, RawFilter, TelemetryKinds};
 pub use session::{DEFAULT_CONTROL_SOCKET, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
 
+use crate::target::SavedTarget;
+
 /// The commented default, as `tumbled config init` writes it.
 pub const COMMENTED_DEFAULT: &str = include_str!("../../../config/rig.toml");
 
@@ -178,6 +180,17 @@ pub struct TargetConfig {
     pub background: BackgroundName,
     /// For how long the empty room is learned, s; 0.1 to 600.
     pub background_s: f64,
+    /// The saved target that is looked for; `None`: the target is unknown.
+    pub saved: Option<SavedFile>,
+}
+
+/// A saved target, and the file that it was read from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SavedFile {
+    /// The file.
+    pub file: RigFile,
+    /// What is in it.
+    pub target: SavedTarget,
 }
 
 /// A named point of the target.

@@ -370,6 +370,9 @@ pub struct RawTarget {
     /// Seconds for which the empty room is learned: at the start, and on an operator's order.
     #[schemars(range(min = 0.1, max = 600.0))]
     pub background_s: f64,
+    /// A target that `tumbled target save` wrote: it is recognised, and states are told in its frame. Empty: the target is
+    /// unknown, and its frame is fixed when it is acquired.
+    pub saved: String,
 }
 
 /// What is learned of the empty room without an order.
@@ -391,6 +394,7 @@ impl Default for RawTarget {
             search: TargetSearch::Region,
             background: BackgroundName::None,
             background_s: 3.0,
+            saved: String::new(),
         }
     }
 }

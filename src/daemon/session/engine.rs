@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use tumbled_core::estimate::{EstimateHealth, NamedPoint, TargetState};
+use tumbled_core::track::Surfels;
 use tumbled_core::{CoreConfig, Outputs, Pipeline, SensorHealth, WallClock, Workers};
 use tumbled_io::recording::RecordingHeader;
 use tumbled_model::{Body, Event};
@@ -92,6 +93,11 @@ impl Engine {
     /// The chain's value now.
     pub fn checkpoint(&self) -> Checkpoint {
         self.chain.checkpoint(self.t_ns)
+    }
+
+    /// The target's model as it is now, in its own frame. `None`: there is none.
+    pub fn model(&self) -> Option<&Surfels> {
+        self.pipeline.model()
     }
 
     /// The sensors' counts and states as of everything so far.

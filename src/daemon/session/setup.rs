@@ -1,5 +1,7 @@
 //! From the config to what the core has to know of the rig.
 
+use std::sync::Arc;
+
 use tumbled_core::estimate::{EstimateSettings, NamedPoint, TargetMotionKind, TargetSearch, Trust};
 use tumbled_core::ukf::FilterMethod;
 use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableSetup};
@@ -84,6 +86,7 @@ fn estimate(config: &Config) -> EstimateSettings {
         },
         mean_motion_rps: config.filter.mean_motion_rps,
         orbit_center_m: config.filter.orbit_center_m,
+        known: config.target.saved.as_ref().map(|saved| Arc::new(saved.target.surfels.clone())),
         points: config.points_of_interest.iter().map(point).collect(),
         trust: lidars.chain(kinects).collect(),
     }

@@ -92,6 +92,7 @@ pub const REASONS: &[(&str, &str)] = &[
     ("extrinsic", "the sensors disagree by more than their mountings' uncertainty"),
     ("manoeuvre", "the motion has just changed: something pushed the target, or its stage starts or stops"),
     ("learning", "the empty room is being learned: nothing is looked for"),
+    ("unrecognised", "what is seen is not recognised as the target whose model is given"),
 ];
 /// The bit of reasons that have no bit of their own.
 pub const OTHER_REASON: u32 = 1 << 31;

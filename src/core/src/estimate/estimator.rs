@@ -17,7 +17,7 @@ use crate::config::CoreConfig;
 use crate::epoch::Epoch;
 use crate::notice::{Gravity, NoticeKind};
 use crate::segment::{Expectation, Search, Segment, Segmenter};
-use crate::track::{RigMotion, TrackFrame, Tracker};
+use crate::track::{RigMotion, Surfels, TrackFrame, Tracker};
 use crate::ukf::{Motion, PoseMeasurement};
 use crate::workers::Workers;
 use nalgebra::{Isometry3, Point3};
@@ -55,12 +55,23 @@ enum Stage {
     Lost(Box<Missed>),
 }
 
+impl Stage {
+    /// Before anything was seen: a target that is known is looked for, any other is waited for.
+    fn at_first(settings: &EstimateSettings, sensors: usize) -> Self {
+        settings.known.as_ref().map_or(Self::Empty, |known| {
+            Self::Lost(Box::new(Missed::known(Tracker::known(Surfels::clone(known)), sensors)))
+        })
+    }
+}
+
 impl Estimator {
     /// Has seen nothing yet.
     pub(crate) fn new(config: &CoreConfig) -> Self {
+        let sensors = sensors::of_config(config);
         Self {
+            stage: Stage::at_first(&config.estimate, sensors.len()),
             settings: config.estimate.clone(),
-            sensors: sensors::of_config(config),
+            sensors,
             segmenter: Segmenter::new(match config.estimate.search {
                 TargetSearch::Region => Search::Region(config.roi),
                 TargetSearch::Nearest => Search::Nearest,
@@ -69,7 +80,6 @@ impl Estimator {
             segment: Segment::default(),
             orders: Orders::default(),
             learning: None,
-            stage: Stage::Empty,
         }
     }
 
@@ -140,7 +150,7 @@ impl Estimator {
             match command {
                 Command::LearnBackground { lasts_ms } => {
                     let lasts = Span(i64::from(lasts_ms) * 1_000_000);
-                    (self.learning, self.stage) = (Some(at + lasts), Stage::Empty);
+                    (self.learning, self.stage) = (Some(at + lasts), self.at_first());
                     told.push(orders::begun(lasts));
                 }
                 Command::ForgetBackground => {
@@ -149,8 +159,11 @@ impl Estimator {
                     told.push((NoticeKind::Background, Gravity::Info, "the background is forgotten".to_owned()));
                 }
                 Command::ResetFilter => {
-                    self.stage = Stage::Empty;
-                    let message = "the target is forgotten, and acquired anew in a frame of its own";
+                    self.stage = self.at_first();
+                    let message = match self.settings.known {
+                        None => "the target is forgotten, and acquired anew in a frame of its own",
+                        Some(_) => "the target is forgotten, and acquired anew in its saved frame",
+                    };
                     told.push((NoticeKind::Reset, Gravity::Info, message.to_owned()));
                 }
                 _ => {}
@@ -213,6 +226,7 @@ impl Estimator {
                 state.reasons.push(StateReason::PoorFit);
                 Stage::Acquiring(acquiring)
             }
+            Step::Hopeless if self.settings.known.is_some() => self.at_first(),
             Step::Hopeless => self.first_sight(frame, state),
             Step::Ready => {
                 let motion = Motion::FixedAxis;
@@ -319,7 +333,7 @@ impl Estimator {
         state: &mut TargetState,
         workers: &Workers,
     ) -> Stage {
-        state.mode = Mode::Lost;
+        state.mode = if missed.was_tracked() { Mode::Lost } else { Mode::Acquiring };
         match too_few(frame).map_or_else(|| missed.look(frame, workers), Err) {
             Ok(Some(pose)) => {
                 state.mode = Mode::Acquiring;
@@ -327,14 +341,33 @@ impl Estimator {
                 return Stage::Acquiring(Box::new(Acquiring::again(missed.tracker, frame, &pose)));
             }
             Ok(None) => {}
-            Err(reason) => state.reasons.push(reason),
+            Err(reason) => {
+                if reason == StateReason::NoPoints && !missed.was_tracked() {
+                    state.mode = Mode::NoTarget;
+                }
+                state.reasons.push(reason);
+            }
         }
         Stage::Lost(missed)
+    }
+
+    fn at_first(&self) -> Stage {
+        Stage::at_first(&self.settings, self.sensors.len())
     }
 
     fn note_measured(&mut self, frame: &TrackFrame) {
         if let Some(sensor) = self.sensors.get_mut(frame.shot().sensor) {
             sensor.measured = Some(frame.shot().t);
+        }
+    }
+
+    /// The target's model as it is now. `None`: there is none.
+    pub(crate) fn model(&self) -> Option<&Surfels> {
+        match &self.stage {
+            Stage::Empty => None,
+            Stage::Acquiring(acquiring) => Some(acquiring.tracker().surfels()),
+            Stage::Tracking(tracking) => Some(tracking.tracker.surfels()),
+            Stage::Lost(missed) => Some(missed.tracker.surfels()),
         }
     }
 

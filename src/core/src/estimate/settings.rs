@@ -1,7 +1,9 @@
 //! What the estimation has to know of the rig and its sensors.
 
 use super::points::NamedPoint;
+use crate::track::Surfels;
 use crate::ukf::FilterMethod;
+use std::sync::Arc;
 use tumbled_model::{SensorId, Span};
 
 /// How the target's motion is estimated.
@@ -19,6 +21,9 @@ pub struct EstimateSettings {
     pub orbit_center_m: Option<[f64; 3]>,
     /// For how long from the first epoch on the room is empty and learned as background; `None`: it is not.
     pub background: Option<Span>,
+    /// The target's model of another session, whose frame this session's states are told in; `None`: the target is unknown, and
+    /// its frame is fixed when it is acquired.
+    pub known: Option<Arc<Surfels>>,
     /// Points of the target whose motion is told.
     pub points: Vec<NamedPoint>,
     /// How well sensors are known; of those that are not here, [`Trust::default`] is believed.

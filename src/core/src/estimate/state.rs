@@ -163,6 +163,8 @@ pub enum StateReason {
     OneSensor,
     /// Several things, or several poses, explain what was seen.
     Ambiguous,
+    /// What is seen is not recognised as the target whose model is given.
+    Unrecognised,
     /// Nothing was measured for longer than the prediction is good for.
     Stale,
     /// The sensors disagree by more than their mountings' uncertainty.
@@ -171,7 +173,7 @@ pub enum StateReason {
 
 impl StateReason {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::NoPoints,
         Self::FewPoints,
         Self::PoorFit,
@@ -182,6 +184,7 @@ impl StateReason {
         Self::Settling,
         Self::OneSensor,
         Self::Ambiguous,
+        Self::Unrecognised,
         Self::Stale,
         Self::Extrinsic,
     ];
@@ -199,6 +202,7 @@ impl StateReason {
             Self::Settling => "settling",
             Self::OneSensor => "one_sensor",
             Self::Ambiguous => "ambiguous",
+            Self::Unrecognised => "unrecognised",
             Self::Stale => "stale",
             Self::Extrinsic => "extrinsic",
         }

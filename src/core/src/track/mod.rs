@@ -26,10 +26,11 @@ pub use deskew::RigMotion;
 pub use fit::Fit;
 pub use frame::{LidarReturn, Pixel, Shot, TrackFrame};
 pub use model::{MODEL_REACH_M, MOST_SURFELS};
-pub use surfels::Surfels;
+pub use surfels::{Surfel, Surfels};
 
 use crate::register::SensorKind;
 use beams::Witness;
+use bins::Bins;
 use descend::Scene;
 use model::{Model, Observed};
 use nalgebra::{Isometry3, Point3, UnitQuaternion};
@@ -46,6 +47,10 @@ const TURN_RAD: f64 = 3.0 * core::f64::consts::PI / 180.0;
 const CAMERA_LASTS: Span = Span(2_000_000_000);
 /// Better: by points of less than this, m. A Kinect's are from 2.7 m on no better than a LiDAR's.
 const CAMERA_SIGMA_M: f64 = 0.006;
+
+/// A piece of the model is shown where a point is so near, m: a camera's points are 4 mm apart, a LiDAR's rings 13 to 50.
+const SHOWN_KINECT_M: f32 = 0.03;
+const SHOWN_LIDAR_M: f32 = 0.06;
 
 /// What is remembered of one sensor.
 #[derive(Clone, Debug, Default)]
@@ -64,6 +69,8 @@ pub struct Tracker {
     visible: Visible,
     scene: Scene,
     corrected: Vec<Point3<f64>>,
+    /// A frame's points in the target's frame.
+    seen: Bins,
 }
 
 impl Tracker {
@@ -73,6 +80,11 @@ impl Tracker {
         tracker.correct(frame);
         tracker.insert(frame, t_rig_target);
         tracker
+    }
+
+    /// Begins with a model that another session made, in its frame.
+    pub fn known(surfels: Surfels) -> Self {
+        Self { model: Model::known(surfels), ..Self::default() }
     }
 
     /// Registers a frame to what of the model its sensor sees, from a pose some degrees and centimetres away at most.
@@ -99,6 +111,25 @@ impl Tracker {
             fit.evidence = known.weigh(witnesses);
         }
         fit
+    }
+
+    /// The share of what a frame's sensor would see of the model at a pose that the frame shows: where the model is, points are.
+    /// A body that is smaller than the model, or another one, leaves some of it bare. 0 of a model that could not be seen.
+    pub fn shown(&mut self, frame: &TrackFrame, t_rig_target: &Isometry3<f64>) -> f64 {
+        self.correct(frame);
+        let inverse = t_rig_target.inverse();
+        let reach = match frame.kind() {
+            SensorKind::Kinect => SHOWN_KINECT_M,
+            SensorKind::Lidar => SHOWN_LIDAR_M,
+        };
+        let places = self.corrected.iter().map(|point| (inverse * point).coords.cast::<f32>().into());
+        self.seen.fill(places, reach);
+        let seen = self.visible.from(&self.model.surfels, &(inverse * frame.shot().viewpoint));
+        let is_shown = |number: &&u32| {
+            let place = self.model.surfels.positions().get(**number as usize);
+            place.is_some_and(|place| self.seen.nearest(place.coords.cast::<f32>().into(), reach * reach).is_some())
+        };
+        seen.iter().filter(is_shown).count() as f64 / seen.len().max(1) as f64
     }
 
     /// Takes a frame whose fit is believed: learns its beams' biases, and inserts it into the model at the fit's own pose if

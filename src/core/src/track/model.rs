@@ -74,6 +74,11 @@ struct Seed {
 }
 
 impl Model {
+    /// One that another session has made.
+    pub(super) fn known(surfels: Surfels) -> Self {
+        Self { surfels, insertions: EARLY + 1, ..Self::default() }
+    }
+
     /// Points that would have made a surfel too far out or too many.
     pub(super) fn refused(&self) -> u64 {
         self.refused

@@ -13,7 +13,36 @@ pub struct Surfels {
     pub(super) last_seen: Vec<RigNs>,
 }
 
+/// One of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surfel {
+    /// Where it lies, m.
+    pub position: Point3<f64>,
+    /// Unit, out of the body.
+    pub normal: Vector3<f64>,
+    /// What is known of it along its normal: one over the variance, 1/m², above 0.
+    pub weight: f64,
+}
+
 impl Surfels {
+    /// Of another session: none was seen in this one yet.
+    pub fn of(surfels: impl IntoIterator<Item = Surfel>) -> Self {
+        let mut columns = Self::default();
+        for Surfel { position, normal, weight } in surfels {
+            columns.positions.push(position);
+            columns.normals.push(normal);
+            columns.weights.push(weight);
+            columns.last_seen.push(RigNs(0));
+        }
+        columns
+    }
+
+    /// One after the other.
+    pub fn rows(&self) -> impl Iterator<Item = Surfel> + '_ {
+        let rows = self.positions.iter().zip(&self.normals).zip(&self.weights);
+        rows.map(|((position, normal), weight)| Surfel { position: *position, normal: *normal, weight: *weight })
+    }
+
     /// How many.
     pub fn len(&self) -> usize {
         self.positions.len()
