@@ -43,6 +43,7 @@ mod run_simulated;
 mod saved_target;
 mod scene_limits;
 mod schemas;
+mod service;
 mod simulated;
 mod simulated_stage;
 mod simulated_times;

@@ -25,6 +25,7 @@ use crate::session::chain::rig_digest;
 use crate::session::live::{self, CorePart, RecordingPart};
 use crate::session::reload::{self, Change};
 use crate::session::serve::{About, Server};
+use crate::session::service;
 use crate::session::sources::SourcesEnd;
 use crate::session::{Checkpoint, Engine, LiveSession, Rig, SessionEnd, SourceReport, engine, kinects, setup};
 use crate::simulation::live::SimulatedRig;
@@ -182,6 +183,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let background_s = loaded.config.target.background_s;
     let take_orders = |listener| ControlServer::start(listener, session.control().clone(), clock.clone(), background_s);
     let control = control.map(take_orders).transpose().map_err(Failure::failed)?;
+    service::ready();
     tracing::info!(origin = origin.name(), "running");
     // Where it listens is as it always is: no key was set.
     if scene.is_some() && args.settings.is_empty() {
@@ -191,6 +193,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let reload = || args.load(scene.as_deref());
     let timed_out = supervise(args, &reload, &session, &server, &signals, &clock, &mut loaded);
+    service::stopping();
     if let Some(control) = control {
         control.stop();
     }

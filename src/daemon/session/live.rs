@@ -22,6 +22,7 @@ use tumbled_model::{Span, UnixNs};
 use super::chain::Checkpoint;
 use super::engine::Engine;
 use super::publish::Publish;
+use super::service::{Status, Watchdog};
 use super::shell::{self, Facts};
 use super::sources::{self, Rig, RunningSources, SourcesEnd};
 use super::steps::StepTimes;
@@ -239,12 +240,17 @@ fn spawn_core(
         let times = Mutex::new(StepTimes::new());
         let steps = || times.lock().unwrap_or_else(PoisonError::into_inner);
         let shell = || ShellHealth { steps: steps().report(), ..facts.get() };
+        let (mut watchdog, mut status) = (Watchdog::of_service(), Status::default());
         for event in events {
             let (began, begun) = (Instant::now(), clock.now().rig);
             let step = engine.step(&event);
             publish.step(&step, shell, Some((&clock, begun)));
             step.checkpoint.iter().for_each(&record);
             steps().add(&event.body, began.elapsed());
+            watchdog.alive();
+            if let Some(health) = step.outputs.health.last() {
+                status.tell(health.reasons.iter().chain(&facts.get().reasons));
+            }
         }
         publish.step(&engine.finish(), shell, None);
         publish.stop();

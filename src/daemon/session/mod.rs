@@ -24,6 +24,7 @@ pub mod play;
 pub mod publish;
 pub mod reload;
 pub mod serve;
+pub mod service;
 pub mod setup;
 pub mod shell;
 pub mod sources;
