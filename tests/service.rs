@@ -163,3 +163,45 @@ fn the_units_are_sound_and_may_do_no_more_than_they_need() {
         println!("{unit}: {}", exposure.unwrap_or_default().trim());
     }
 }
+
+#[test]
+fn a_package_unpacks_to_a_program_with_its_units_and_pages() {
+    let bench = Workbench::new();
+    if Command::new("dpkg-deb").arg("--version").output().is_err() {
+        println!("skipped: dpkg-deb is not on this machine");
+        return;
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("systemd/package");
+    let built = Command::new(script)
+        .env("PACKAGE_COMPRESSION", "none")
+        .arg(env!("CARGO_BIN_EXE_tumbled"))
+        .arg(bench.path("."))
+        .output()
+        .expect("bash");
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    let package = String::from_utf8_lossy(&built.stdout).trim().to_owned();
+    let root = bench.path("unpacked");
+    let unpacked = Command::new("dpkg-deb").arg("-x").arg(&package).arg(&root).status().expect("dpkg-deb");
+    assert!(unpacked.success());
+    for file in [
+        "usr/lib/systemd/system/tumbled.service",
+        "usr/lib/systemd/system/tumbled-replay@.service",
+        "usr/lib/sysusers.d/tumbled.conf",
+        "usr/lib/tmpfiles.d/tumbled.conf",
+        "usr/lib/sysctl.d/60-tumbled.conf",
+        "usr/lib/udev/rules.d/51-tumbled.rules",
+        "usr/share/man/man1/tumbled.1.gz",
+        "usr/share/man/man1/tumbled-replay.1.gz",
+        "usr/share/bash-completion/completions/tumbled",
+        "usr/share/zsh/site-functions/_tumbled",
+        "usr/share/fish/vendor_completions.d/tumbled.fish",
+        "usr/share/doc/tumbled/rig.toml",
+    ] {
+        assert!(root.join(file).metadata().is_ok_and(|found| found.len() > 0), "{file}");
+    }
+    let said = Command::new(root.join("usr/bin/tumbled")).arg("--version").output().expect("it runs");
+    assert!(String::from_utf8_lossy(&said.stdout).starts_with("tumbled "), "{said:?}");
+    let fields = Command::new("dpkg-deb").args(["-f", &package, "Package", "Version"]).output().expect("dpkg-deb");
+    let fields = String::from_utf8_lossy(&fields.stdout);
+    assert!(fields.contains("Package: tumbled") && fields.contains(env!("CARGO_PKG_VERSION")), "{fields}");
+}

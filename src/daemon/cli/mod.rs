@@ -22,6 +22,7 @@ pub mod info;
 pub mod input;
 pub mod ledger;
 pub mod log;
+pub mod manual;
 pub mod output;
 pub mod record;
 pub mod recover;
@@ -119,6 +120,8 @@ enum Command {
     Config(config::Command),
     /// Look whether this machine is ready for a session with a config.
     Doctor(doctor::Args),
+    /// Write manual pages and shell completions.
+    Manual(manual::Args),
     /// List serial ports, Kinects, network interfaces and the LiDARs that are heard.
     Devices(devices::Args),
 }
@@ -142,6 +145,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Experiment(command) => experiment::run(command),
         Command::Campaign(args) => campaign::run(&args),
         Command::Target(command) => target::run(command),
+        Command::Manual(args) => manual::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Status(args) => status::run(&args),
