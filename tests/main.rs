@@ -30,6 +30,7 @@ mod machine_cli;
 mod pose_campaign_cli;
 mod predicted;
 mod real_states;
+mod reconstruct_cli;
 mod record_cli;
 mod recorded_config;
 mod recording_cli;

@@ -24,6 +24,7 @@ pub mod experiment;
 pub mod foxglove;
 pub mod geometry_file;
 pub mod quantity;
+pub mod reconstruction;
 pub mod schema;
 pub mod session;
 pub mod simulation;

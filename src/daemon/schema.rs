@@ -65,6 +65,22 @@ pub fn outputs() -> Vec<Published> {
             file: "docs/schema/register.schema.json",
             schema: schema_for!(crate::cli::register::report::RegisterReport),
         },
+        Published {
+            file: "docs/schema/reconstruct.schema.json",
+            schema: schema_for!(crate::reconstruction::ReconstructReport),
+        },
+        Published {
+            file: "docs/schema/reconstruct-planes.schema.json",
+            schema: schema_for!(crate::reconstruction::report::PlanesFile),
+        },
+        Published {
+            file: "docs/schema/reconstruct-contour.schema.json",
+            schema: schema_for!(crate::reconstruction::report::ContourFile),
+        },
+        Published {
+            file: "docs/schema/experiment-reconstruction.schema.json",
+            schema: schema_for!(crate::experiment::reconstruction::ReconstructionReport),
+        },
         Published { file: "docs/schema/evaluate.schema.json", schema: schema_for!(crate::evaluation::EvaluateReport) },
         Published {
             file: "docs/schema/experiment-registration.schema.json",

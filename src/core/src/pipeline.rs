@@ -15,11 +15,11 @@ use crate::channel::Channels;
 use crate::clock::WallClock;
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud};
-use crate::estimate::{EstimateHealth, Estimator, NamedPoint, Predictor, TargetState};
+use crate::estimate::{EstimateHealth, Estimator, KeptFrame, NamedPoint, Predictor, TargetState};
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
-use crate::track::Surfels;
+use crate::track::Tracker;
 use crate::turntable::TurntableSample;
 use crate::workers::Workers;
 use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
@@ -39,6 +39,8 @@ pub struct Outputs {
     pub health: Vec<CoreHealth>,
     /// Where turntables were, each turntable's in their order.
     pub turntable: Vec<TurntableSample>,
+    /// Frames that show the target, if they were asked for: [`Pipeline::keep_frames`].
+    pub kept: Vec<KeptFrame>,
     /// Epochs that are no longer needed.
     done: Vec<Epoch>,
 }
@@ -52,6 +54,7 @@ impl Outputs {
         self.notices.clear();
         self.health.clear();
         self.turntable.clear();
+        self.kept.clear();
     }
 }
 
@@ -171,9 +174,14 @@ impl Pipeline {
         self.estimator.health(state)
     }
 
-    /// The target's model as it is now, in its own frame. `None`: there is none.
-    pub fn model(&self) -> Option<&Surfels> {
-        self.estimator.model()
+    /// From here on frames that show the target are given out, for whoever makes a surface of them. Changes no other output.
+    pub fn keep_frames(&mut self) {
+        self.estimator.keep_frames();
+    }
+
+    /// The model of the target and what is known of beams, after the newest epoch. `None`: there is no target.
+    pub fn tracker(&self) -> Option<&Tracker> {
+        self.estimator.tracker()
     }
 
     /// The target's points whose motion is to be told.
@@ -196,6 +204,7 @@ impl Pipeline {
             out.predictors.push(self.estimator.predictor(&state));
             states.push(state);
         }
+        out.kept.extend(self.estimator.kept());
         for (kind, gravity, message) in told {
             self.note_session(kind, gravity, message);
         }

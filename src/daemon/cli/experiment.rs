@@ -1,6 +1,7 @@
 //! `tumbled experiment`: the published experiments, on simulated sensors or a recording.
 
 mod pose;
+mod reconstruction;
 
 use std::fs;
 use std::io::Write;
@@ -28,6 +29,8 @@ pub enum Command {
     Registration(Args),
     /// Turn a target in steps about x, y and z: attitude and axis at its rests by every method, or steps of a recording.
     Pose(pose::Args),
+    /// Make models of targets that turn once: distance to the true surface, completeness, contour, loop closure.
+    Reconstruction(reconstruction::Args),
 }
 
 /// What `experiment registration` is asked for.
@@ -109,6 +112,7 @@ pub fn run(command: Command) -> Result<Outcome, Failure> {
     match command {
         Command::Registration(args) => registration(&args),
         Command::Pose(args) => pose::run(&args),
+        Command::Reconstruction(args) => reconstruction::run(&args),
     }
 }
 

@@ -24,6 +24,7 @@ pub mod ledger;
 pub mod log;
 pub mod manual;
 pub mod output;
+pub mod reconstruct;
 pub mod record;
 pub mod recover;
 pub mod register;
@@ -99,6 +100,8 @@ enum Command {
     Register(register::Args),
     /// Hold a session's states against the truth: errors, and whether the stated uncertainty holds.
     Evaluate(evaluate::Args),
+    /// Make a model of a session's target: points, planes, contour.
+    Reconstruct(reconstruct::Args),
     /// Repeat the published experiments, on simulated sensors or a recording.
     #[command(subcommand)]
     Experiment(experiment::Command),
@@ -142,6 +145,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Simulate(args) => simulate::run(&args),
         Command::Register(args) => register::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
+        Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Experiment(command) => experiment::run(command),
         Command::Campaign(args) => campaign::run(&args),
         Command::Target(command) => target::run(command),

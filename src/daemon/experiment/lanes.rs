@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use tumbled_core::track::Tracker;
 use tumbled_io::live::StopToken;
 use tumbled_sim::scene::Scene;
 
@@ -34,6 +35,16 @@ impl<L: Listener> Lane<L> {
     ) -> Result<Self, Failure> {
         let loaded = rig::loaded(scene, view, Path::new(name), settings)?;
         Ok(Self { engine: Engine::of_config(&loaded, false, 1)?, listener })
+    }
+
+    /// From here on the listener has the frames that show the target.
+    pub fn keep_frames(&mut self) {
+        self.engine.keep_frames();
+    }
+
+    /// The model of the target; `None`: there is no target.
+    pub fn tracker(&self) -> Option<&Tracker> {
+        self.engine.tracker()
     }
 
     /// One hash over everything that came out.

@@ -11,6 +11,7 @@
 //! * [`stored`]: pairs as files for other programs;
 //! * [`registration`]: the experiment; [`sweep`]: the published method's parameters; [`recorded`]: pairs of a recording;
 //! * [`pose`]: the rotation experiment: steps, and what is said of the target at its rests;
+//! * [`reconstruction`]: models against true surfaces;
 //! * [`lanes`]: a simulated session through several configs at once;
 //! * [`campaign`]: the acceptance figures; [`machine`]: where they were measured;
 //! * [`text`], [`page`], [`plot`]: figures for people.
@@ -25,6 +26,7 @@ pub mod page;
 pub mod pairs;
 pub mod plot;
 pub mod pose;
+pub mod reconstruction;
 pub mod recorded;
 pub mod registration;
 pub mod stored;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use tumbled_core::estimate::{EstimateHealth, NamedPoint, TargetState};
-use tumbled_core::track::Surfels;
+use tumbled_core::track::Tracker;
 use tumbled_core::{CoreConfig, Outputs, Pipeline, SensorHealth, WallClock, Workers};
 use tumbled_io::recording::RecordingHeader;
 use tumbled_model::{Body, Event};
@@ -90,14 +90,19 @@ impl Engine {
         Step { checkpoint: None, ..step }
     }
 
+    /// From here on frames that show the target are given out; the chain stays as it is.
+    pub fn keep_frames(&mut self) {
+        self.pipeline.keep_frames();
+    }
+
+    /// The model of the target; `None`: there is no target.
+    pub fn tracker(&self) -> Option<&Tracker> {
+        self.pipeline.tracker()
+    }
+
     /// The chain's value now.
     pub fn checkpoint(&self) -> Checkpoint {
         self.chain.checkpoint(self.t_ns)
-    }
-
-    /// The target's model as it is now, in its own frame. `None`: there is none.
-    pub fn model(&self) -> Option<&Surfels> {
-        self.pipeline.model()
     }
 
     /// The sensors' counts and states as of everything so far.

@@ -34,6 +34,17 @@ const BEYOND_M: f64 = 0.10;
 /// A tumble's filter begins when a filter of a fixed axis has brought tracking and model so far.
 const TUMBLE_AFTER: Span = Span(3_000_000_000);
 
+/// A frame that shows the target and nothing else, and where it lies on the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeptFrame {
+    /// Counts the targets that were begun in the session, from 1: each has a frame of its own.
+    pub target: u32,
+    /// The frame's points, rig frame, without corrections of beams.
+    pub frame: TrackFrame,
+    /// The pose at which it fits the model as it then was.
+    pub t_rig_target: Isometry3<f64>,
+}
+
 /// The estimation: one for a session.
 #[derive(Debug)]
 pub(crate) struct Estimator {
@@ -45,6 +56,10 @@ pub(crate) struct Estimator {
     /// Until when the empty room is learned.
     learning: Option<RigNs>,
     stage: Stage,
+    /// Frames that show the target, for whoever asked for them.
+    kept: Option<Vec<KeptFrame>>,
+    /// Targets begun so far: each has a frame of its own.
+    targets: u32,
 }
 
 #[derive(Debug)]
@@ -80,6 +95,28 @@ impl Estimator {
             segment: Segment::default(),
             orders: Orders::default(),
             learning: None,
+            kept: None,
+            targets: 0,
+        }
+    }
+
+    /// Frames that show the target are kept from here on.
+    pub(crate) fn keep_frames(&mut self) {
+        self.kept = Some(Vec::new());
+    }
+
+    /// The frames kept since, handed over.
+    pub(crate) fn kept(&mut self) -> impl Iterator<Item = KeptFrame> + '_ {
+        self.kept.iter_mut().flat_map(|kept| kept.drain(..))
+    }
+
+    /// The model, where there is a target.
+    pub(crate) fn tracker(&self) -> Option<&Tracker> {
+        match &self.stage {
+            Stage::Empty => None,
+            Stage::Acquiring(acquiring) => Some(acquiring.tracker()),
+            Stage::Tracking(tracking) => Some(&tracking.tracker),
+            Stage::Lost(missed) => Some(&missed.tracker),
         }
     }
 
@@ -89,7 +126,7 @@ impl Estimator {
     pub(crate) fn configure(&mut self, config: &CoreConfig) -> bool {
         let before = core::mem::replace(self, Self::new(config));
         self.settings.background = None;
-        self.orders = before.orders;
+        (self.orders, self.kept, self.targets) = (before.orders, before.kept, before.targets);
         let stands = |(a, b): (&PointSensor, &PointSensor)| a.id == b.id && a.t_rig_sensor == b.t_rig_sensor;
         if before.sensors.iter().zip(&self.sensors).all(stands) && before.learning.is_none() {
             self.segmenter.take_over(before.segmenter);
@@ -214,6 +251,7 @@ impl Estimator {
         }
         state.mode = Mode::Acquiring;
         state.reasons.push(StateReason::Settling);
+        self.targets += 1;
         Stage::Acquiring(Box::new(Acquiring::begin(frame)))
     }
 
@@ -283,6 +321,9 @@ impl Estimator {
         state.reasons.extend(measured.reasons);
         if measured.used {
             self.note_measured(frame);
+        }
+        if let (Some(kept), Some(fit), true) = (&mut self.kept, &measured.fit, measured.shows_target) {
+            kept.push(KeptFrame { target: self.targets, frame: frame.clone(), t_rig_target: fit.t_rig_target });
         }
         self.release(&mut tracking, t);
         let age = Age::of(t - tracking.measured);
@@ -358,16 +399,6 @@ impl Estimator {
     fn note_measured(&mut self, frame: &TrackFrame) {
         if let Some(sensor) = self.sensors.get_mut(frame.shot().sensor) {
             sensor.measured = Some(frame.shot().t);
-        }
-    }
-
-    /// The target's model as it is now. `None`: there is none.
-    pub(crate) fn model(&self) -> Option<&Surfels> {
-        match &self.stage {
-            Stage::Empty => None,
-            Stage::Acquiring(acquiring) => Some(acquiring.tracker().surfels()),
-            Stage::Tracking(tracking) => Some(tracking.tracker.surfels()),
-            Stage::Lost(missed) => Some(missed.tracker.surfels()),
         }
     }
 

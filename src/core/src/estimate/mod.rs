@@ -30,6 +30,7 @@ pub mod state;
 mod tracking;
 
 pub(crate) use estimator::Estimator;
+pub use estimator::KeptFrame;
 pub use points::{NamedPoint, PointMotion};
 pub use predictor::Predictor;
 pub use report::{EstimateHealth, LatenessReport, MountingReport, SigmaParts, SigmaReport, SpinReport};

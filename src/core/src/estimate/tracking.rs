@@ -55,6 +55,8 @@ pub(super) struct Measured {
     pub(super) fit: Option<Fit>,
     pub(super) reasons: Vec<StateReason>,
     pub(super) used: bool,
+    /// It was used, beyond doubt, and shows the target alone: of use to whoever makes a surface of it.
+    pub(super) shows_target: bool,
     pub(super) lost: bool,
 }
 
@@ -63,7 +65,14 @@ impl Tracking {
     /// shows the target and nothing else: it would grow by a room, and then look for the target in a room.
     pub(super) fn measure(&mut self, frame: &TrackFrame, is_clear: bool) -> Measured {
         let shot = *frame.shot();
-        let nothing = |reason| Measured { nis: None, fit: None, reasons: vec![reason], used: false, lost: false };
+        let nothing = |reason| Measured {
+            nis: None,
+            fit: None,
+            reasons: vec![reason],
+            used: false,
+            shows_target: false,
+            lost: false,
+        };
         if frame.is_empty() {
             return nothing(StateReason::NoPoints);
         }
@@ -92,6 +101,7 @@ impl Tracking {
         while self.poses.front().is_some_and(|oldest| shot.t - oldest.t > KEPT) {
             self.poses.pop_front();
         }
+        let mut shows_target = false;
         let used = matches!(verdict.used, Used::Full | Used::Soft);
         if is_sure {
             let now = self.filter.pose_at(shot.t);
@@ -109,6 +119,7 @@ impl Tracking {
                 *most = frame.len().max(*most);
             }
             if is_clear || fit.covers(WHOLLY) {
+                shows_target = is_sure;
                 self.tracker.accept(frame, &fit);
             }
             if let Some(axis) = self.axes.get_mut(shot.sensor) {
@@ -117,6 +128,6 @@ impl Tracking {
         } else {
             reasons.push(StateReason::Rejected);
         }
-        Measured { nis: verdict.nis, fit: Some(fit), reasons, used, lost: verdict.lost }
+        Measured { nis: verdict.nis, fit: Some(fit), reasons, used, shows_target, lost: verdict.lost }
     }
 }

@@ -26,13 +26,14 @@ pub use deskew::RigMotion;
 pub use fit::Fit;
 pub use frame::{LidarReturn, Pixel, Shot, TrackFrame};
 pub use model::{MODEL_REACH_M, MOST_SURFELS};
+pub(crate) use model::{Model as Growing, Observed, gate_m};
 pub use surfels::{Surfel, Surfels};
 
 use crate::register::SensorKind;
 use beams::Witness;
 use bins::Bins;
 use descend::Scene;
-use model::{Model, Observed};
+use model::Model;
 use nalgebra::{Isometry3, Point3, UnitQuaternion};
 use tumbled_model::se3::angle_between;
 use tumbled_model::{RigNs, Span};

@@ -38,12 +38,12 @@ const EARLY: usize = 40;
 
 /// A point as it is inserted, target's frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Observed {
-    pub(super) place: Point3<f64>,
+pub(crate) struct Observed {
+    pub(crate) place: Point3<f64>,
     /// Unit, out of the body.
-    pub(super) normal: Vector3<f64>,
+    pub(crate) normal: Vector3<f64>,
     /// m.
-    pub(super) sigma_m: f64,
+    pub(crate) sigma_m: f64,
 }
 
 /// What becomes of a point.
@@ -55,8 +55,8 @@ enum Fate {
 
 /// The surfels, and the memory their growth needs.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Model {
-    pub(super) surfels: Surfels,
+pub(crate) struct Model {
+    pub(crate) surfels: Surfels,
     insertions: usize,
     refused: u64,
     bins: Bins,
@@ -91,7 +91,7 @@ impl Model {
 
     /// Takes the points of a frame, of which the noisiest has a σ of `noisiest` m. The same points in the same order make
     /// the same model.
-    pub(super) fn insert(&mut self, points: impl Iterator<Item = Observed>, noisiest: f64, t: RigNs) {
+    pub(crate) fn insert(&mut self, points: impl Iterator<Item = Observed>, noisiest: f64, t: RigNs) {
         self.bins.fill(places(&self.surfels), reach_m(gate_m(noisiest)));
         self.moves.clear();
         self.moves.resize(self.surfels.len(), (0.0, 0.0));
@@ -239,7 +239,7 @@ impl Model {
 }
 
 /// How far off a surfel a point of a σ may be, m.
-fn gate_m(sigma_m: f64) -> f64 {
+pub(crate) fn gate_m(sigma_m: f64) -> f64 {
     OFF_M.max(OFF_SIGMAS * sigma_m).min(MOST_OFF_M)
 }
 

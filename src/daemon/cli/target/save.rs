@@ -79,13 +79,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut at_last = AtLast::default();
     play(&mut inputs, &mut engine, &mut at_last, &mut pace)?;
     let names: Vec<String> = args.input.inputs.iter().map(|input| base(input)).collect();
-    let model = engine.model().filter(|_| matches!(at_last.0, Some(Mode::Tracking | Mode::Predicted)));
-    let Some(model) = model else {
+    let tracker = engine.tracker().filter(|_| matches!(at_last.0, Some(Mode::Tracking | Mode::Predicted)));
+    let Some(tracker) = tracker else {
         tracing::error!("nothing was tracked at the end of {}: nothing is saved", names.join(", "));
         return Ok(Outcome::Incomplete);
     };
     let source = format!("{} by tumbled {}", names.join(", "), super::super::VERSION);
-    let saved = SavedTarget::new(&args.name, &source, model).map_err(Failure::failed)?;
+    let saved = SavedTarget::new(&args.name, &source, tracker.surfels()).map_err(Failure::failed)?;
     write(&args.output, &saved.text())?;
     let report = TargetReport::of(&saved);
     if args.json {
