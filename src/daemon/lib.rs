@@ -1,5 +1,6 @@
 //! The `tumbled` program, as a library so that its tests and documentation reach every part.
 //!
+//! * [`calibration`]: what `calibrate` finds, as files and pages;
 //! * [`cli`]: the commands, one file each, and what they share: arguments, outcomes, exit codes, output;
 //! * [`clouds`]: files of points;
 //! * [`config`]: one TOML file to a checked rig;
@@ -14,6 +15,7 @@
 //! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
 #![forbid(unsafe_code)]
 
+pub mod calibration;
 pub mod cli;
 pub mod clouds;
 pub mod config;

@@ -7,6 +7,7 @@
 
 use clap::{ArgAction, Args, Parser, Subcommand};
 
+pub mod calibrate;
 pub mod campaign;
 pub mod config;
 pub mod ctl;
@@ -105,6 +106,9 @@ enum Command {
     /// Repeat the published experiments, on simulated sensors or a recording.
     #[command(subcommand)]
     Experiment(experiment::Command),
+    /// Find where the sensors are relative to each other and when, and how well that is known.
+    #[command(subcommand)]
+    Calibrate(calibrate::Command),
     /// Measure the acceptance figures: experiments over seeds, held against what they must reach.
     Campaign(campaign::Args),
     /// Keep a target's model as a named frame, and recognise it in later sessions.
@@ -147,6 +151,7 @@ pub fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Experiment(command) => experiment::run(command),
+        Command::Calibrate(command) => calibrate::run(command),
         Command::Campaign(args) => campaign::run(&args),
         Command::Target(command) => target::run(command),
         Command::Manual(args) => manual::run(&args),

@@ -29,11 +29,34 @@ use super::tree::{Entry, Node, Step, Value};
 #[serde(default, deny_unknown_fields)]
 pub struct RawCalibration {
     /// Calibrated LiDARs by their ids in the config.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub lidar: BTreeMap<String, CalibratedLidar>,
     /// Calibrated Kinects by their ids in the config.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub kinect: BTreeMap<String, CalibratedKinect>,
-    /// How it was found; anything, not read here.
+    /// The turntable's axis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turntable: Option<CalibratedTurntable>,
+    /// How it was found, per command of `calibrate`; anything, not read here.
     pub provenance: BTreeMap<String, serde_json::Value>,
+}
+
+/// What a calibration found about the turntable.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CalibratedTurntable {
+    /// The axis, rig axes, length 1; the target turns about it counter-clockwise where the encoder's angle grows, times `sign`.
+    pub axis: [f64; 3],
+    /// The axis' point nearest to the rig's origin, rig frame, m.
+    pub point_m: [f64; 3],
+    /// The encoder's angle that the rest of the calibration counts from, rad.
+    pub angle0_rad: f64,
+    /// 1, or -1 where the encoder counts against the axis.
+    pub sign: f64,
+    /// Angle turned over the encoder's angle; 1 where its units per turn are right.
+    pub gain: f64,
+    /// Covariance of the axis' two tilts, rad², and of the point's two offsets, m², across the axis: 4 x 4.
+    pub covariance: [[f64; 4]; 4],
 }
 
 /// What a calibration found about one LiDAR.
@@ -53,6 +76,8 @@ pub struct CalibratedLidar {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibratedKinect {
+    /// The serial number of the camera it was found with: another one is refused.
+    pub serial: Option<String>,
     /// Mounting: depth-camera coordinates into rig coordinates.
     pub t_rig_kinect: Option<CalibratedTransform>,
     /// Milliseconds by which the stamps are late: measurement time = mapped stamp - offset.
@@ -199,8 +224,33 @@ fn apply_sensor(
         return;
     };
     let Value::Table(entries) = &mut element.value else { return };
+    if let Some(problem) = other_serial(entries, &found, &format!("{section}.{}.serial", sensor.name)) {
+        problems.push(problem);
+        return;
+    }
     for replacement in found {
         entries.retain(|entry| entry.name != replacement.name);
         entries.push(replacement);
     }
+}
+
+/// What is wrong where a calibration was found with another camera than the config has. Where the config leaves the
+/// serial number open, the calibration's is taken over: then another camera is not opened.
+fn other_serial(config: &[Entry], calibration: &[Entry], key: &str) -> Option<Problem> {
+    let serial = |entries: &[Entry]| {
+        let entry = entries.iter().find(|entry| entry.name == "serial")?;
+        let Value::Text(serial) = &entry.node.value else { return None };
+        (!serial.is_empty()).then(|| (serial.clone(), entry.origin.clone()))
+    };
+    let ((wanted, _), (found, origin)) = (serial(config)?, serial(calibration)?);
+    if wanted == found {
+        return None;
+    }
+    let message = format!(
+        "the calibration was made with the Kinect of serial number \"{found}\", the config has \"{wanted}\": where one \
+         camera sits and what its lens is like says nothing of another"
+    );
+    let help =
+        "calibrate this camera (`tumbled calibrate extrinsic`), name its own calibration file, or correct `serial`";
+    Some(Problem::error(&origin, Some(key.to_owned()), message).with_help(help))
 }
