@@ -158,6 +158,27 @@ fn a_calibration_for_another_rig_is_refused() {
 }
 
 #[test]
+fn a_calibration_of_another_camera_is_refused_and_an_open_serial_is_taken_over() {
+    let bench = Workbench::new();
+    let rig = |serial: &str| format!("[rig]\ncalibration = 'cal.toml'\n[[kinect]]\nid = 'near'\nserial = '{serial}'\n");
+    bench.file("cal.toml", "[kinect.near]\nserial = 'A1'\ndepth_scale = 1.01\n");
+    for (serial, fine) in [("A1", true), ("", true), ("B2", false)] {
+        let file = bench.file("rig.toml", rig(serial));
+        match load(Some(&file), &[]) {
+            Ok(loaded) => {
+                let kinect = &loaded.config.kinects[0];
+                assert!(fine && kinect.depth_scale == 1.01 && kinect.serial.as_deref() == Some("A1"), "{serial}");
+            }
+            Err(error) => {
+                assert!(!fine, "{serial}: {error}");
+                let said = bench.run(&["config", "check", "rig.toml"]).transcript();
+                assert!(said.contains("\"A1\"") && said.contains("\"B2\"") && said.contains("cal.toml"), "{said}");
+            }
+        }
+    }
+}
+
+#[test]
 fn set_without_an_id_sets_every_sensor_and_with_one_only_that() {
     let bench = Workbench::new();
     bench.file("rig.toml", TWO_OF_EACH);

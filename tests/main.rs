@@ -2,6 +2,8 @@
 
 mod architecture;
 mod background;
+mod calibrate_cli;
+mod calibrate_figures;
 mod cli_basics;
 mod config_cli;
 mod config_layers;

@@ -80,6 +80,8 @@ pub fn outputs() -> Vec<Published> {
         Published {
             file: "docs/schema/experiment-reconstruction.schema.json",
             schema: schema_for!(crate::experiment::reconstruction::ReconstructionReport),
+            file: "docs/schema/calibrate-extrinsic.schema.json",
+            schema: schema_for!(crate::calibration::extrinsic::ExtrinsicReport),
         },
         Published { file: "docs/schema/evaluate.schema.json", schema: schema_for!(crate::evaluation::EvaluateReport) },
         Published {

@@ -1,11 +1,18 @@
 //! What `calibrate` finds, as files and pages.
 //!
+//! * [`standstill`], [`gather`]: the poses of a recording;
+//! * [`extrinsic`]: the Kinect's place, as JSON and in the file; [`extrinsic_page`], `drawing`: as a page;
 //! * [`provenance`]: how a result was found, as it stands in the file;
 //! * [`file`]: the calibration file: read, one result replaced, written beside a copy of what was there;
 //! * [`frame`]: the report's page: the verdict first, then the gates, then what the result shows.
 
+mod drawing;
+pub mod extrinsic;
+pub mod extrinsic_page;
 pub mod file;
 pub mod frame;
+pub mod gather;
 pub mod provenance;
+pub mod standstill;
 
 pub use provenance::{InputDigest, Provenance};

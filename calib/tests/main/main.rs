@@ -1,0 +1,5 @@
+//! Calibrations of made views.
+
+mod board;
+mod made;
+mod sphere;
