@@ -9,6 +9,7 @@
 //! * [`board`]: a board; [`sphere`]: a sphere;
 //! * [`fit`]: a result with its covariance; [`consistency`]: whether poses agree;
 //! * [`coverage`]: whether they differ enough, in words;
+//! * [`turntable`]: a stage's axis in the rig; [`time`]: how late a sensor's stamps are;
 //! * [`extrinsic`]: a result with its poses; [`gate`]: what it has to reach, and the verdict.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -25,6 +26,8 @@ pub mod plane;
 mod robust;
 pub mod sphere;
 pub mod view;
+pub mod time;
+pub mod turntable;
 
 pub use consistency::{Agreement, HeldOut, LeftOut, Split};
 pub use extrinsic::{Extrinsic, PoseFigures, PoseOutcome};

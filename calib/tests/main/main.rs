@@ -3,3 +3,4 @@
 mod board;
 mod made;
 mod sphere;
+mod turned;
