@@ -25,9 +25,9 @@ pub mod gate;
 pub mod plane;
 mod robust;
 pub mod sphere;
-pub mod view;
 pub mod time;
 pub mod turntable;
+pub mod view;
 
 pub use consistency::{Agreement, HeldOut, LeftOut, Split};
 pub use extrinsic::{Extrinsic, PoseFigures, PoseOutcome};

@@ -34,3 +34,4 @@ pub mod stream;
 pub mod target;
 pub mod telemetry;
 pub mod unix_socket;
+pub mod vary;

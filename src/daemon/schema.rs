@@ -80,9 +80,20 @@ pub fn outputs() -> Vec<Published> {
         Published {
             file: "docs/schema/experiment-reconstruction.schema.json",
             schema: schema_for!(crate::experiment::reconstruction::ReconstructionReport),
+        },
+        Published {
             file: "docs/schema/calibrate-extrinsic.schema.json",
             schema: schema_for!(crate::calibration::extrinsic::ExtrinsicReport),
         },
+        Published {
+            file: "docs/schema/calibrate-turntable.schema.json",
+            schema: schema_for!(crate::calibration::turntable::TurntableReport),
+        },
+        Published {
+            file: "docs/schema/calibrate-time.schema.json",
+            schema: schema_for!(crate::calibration::time::TimeReport),
+        },
+        Published { file: "docs/schema/replay-vary.schema.json", schema: schema_for!(crate::vary::VaryReport) },
         Published { file: "docs/schema/evaluate.schema.json", schema: schema_for!(crate::evaluation::EvaluateReport) },
         Published {
             file: "docs/schema/experiment-registration.schema.json",

@@ -4,6 +4,8 @@
 //! * [`extrinsic`]: the Kinect's place, as JSON and in the file; [`extrinsic_page`], `drawing`: as a page;
 //! * [`provenance`]: how a result was found, as it stands in the file;
 //! * [`file`]: the calibration file: read, one result replaced, written beside a copy of what was there;
+//! * [`plays`]: inputs played through the core with changed configs, with the turntable's angles;
+//! * [`turntable`], [`time`]: what `calibrate turntable` and `calibrate time` tell;
 //! * [`frame`]: the report's page: the verdict first, then the gates, then what the result shows.
 
 mod drawing;
@@ -12,7 +14,10 @@ pub mod extrinsic_page;
 pub mod file;
 pub mod frame;
 pub mod gather;
+pub mod plays;
 pub mod provenance;
 pub mod standstill;
+pub mod time;
+pub mod turntable;
 
 pub use provenance::{InputDigest, Provenance};

@@ -36,6 +36,7 @@ pub mod signals;
 pub mod simulate;
 pub mod status;
 pub mod target;
+pub mod vary;
 pub mod verify;
 
 pub use failure::{Failure, Outcome};

@@ -22,12 +22,14 @@ use crate::session::serve::{About, Server};
 use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, lines::EpochLine};
 use crate::simulation::faults;
 use crate::stream::{ShellHealth, StateLine, StreamOrigin};
+use crate::vary;
 
 /// What `replay` is asked for.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:\n  tumbled replay run.mcap --digest\n  \
     tumbled replay run.mcap --speed 1 --serve\n  tumbled replay velodyne.pcap kinect/ --config rig.toml --epochs epochs.jsonl\n  \
-    tumbled replay run.mcap --speed 1 --serve --faults lost-target\n\n\
+    tumbled replay run.mcap --speed 1 --serve --faults lost-target\n  \
+    tumbled replay run.mcap --vary time_offset_ms=-10..10,extrinsic.rz_deg=-1..1 --html vary.html\n\n\
     The same events give the same output to the bit, at any speed and on any number of threads.\n\
     Exit code 3: the inputs are damaged or incomplete; the log says where.")]
 pub struct Args {
@@ -62,12 +64,29 @@ pub struct Args {
     /// Print one hash over everything that came out.
     #[arg(long)]
     digest: bool,
-    /// Threads of the core; 0 = one for each processor. Changes no result.
+    /// Vary assumptions about the rig, each alone, and tell what the capture says of each value: axis, rate, residual, NIS.
+    /// KEY=FROM..TO or KEY=FROM..TO:COUNT, several with commas; KEY: time_offset_ms, extrinsic.rx_deg, ry_deg, rz_deg,
+    /// extrinsic.x_mm, y_mm, z_mm, of the first Kinect or, as ID.KEY, of a sensor; values are added to the config's.
+    #[arg(long, value_name = "KEY=FROM..TO", value_parser = parse_vary, conflicts_with_all =
+        ["speed", "output", "epochs", "record", "serve", "digest", "faults", "ignore_skips"])]
+    vary: Option<Assumptions>,
+    /// With --vary: write the curves as a page.
+    #[arg(long, value_name = "FILE.html", requires = "vary")]
+    html: Option<PathBuf>,
+    /// Threads of the core, with --vary plays at a time; 0 = one for each processor. Changes no result.
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
     /// Report on stdout as JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// What `--vary` is given, whole.
+#[derive(Clone, Debug)]
+struct Assumptions(Vec<vary::Assumption>);
+
+fn parse_vary(text: &str) -> Result<Assumptions, String> {
+    vary::parse(text).map(Assumptions)
 }
 
 /// What was replayed.
@@ -102,6 +121,9 @@ pub struct ReplayReport {
 /// # Errors
 /// Exit code 2: inputs or a config that cannot be used, an output that is there. 1: an output that cannot be written.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    if let Some(Assumptions(assumptions)) = &args.vary {
+        return super::vary::run(&args.input, assumptions, args.threads, args.html.as_deref(), args.json);
+    }
     for output in [&args.record, &args.epochs, &args.output].into_iter().flatten() {
         import::refuse_input_as_output("-o", output, &args.input.inputs)?;
     }

@@ -132,7 +132,7 @@ fn plots(gathered: &Gathered, series: &Series, from_s: f64) -> String {
                     "°",
                     from_s,
                     [
-                        ("angle", of(&|error| Some(error.cone_rad.to_degrees()))),
+                        ("angle", of(&|error| error.cone_rad.map(f64::to_degrees))),
                         ("σ", spin(gathered, |(axis, _)| axis)),
                     ],
                 ),

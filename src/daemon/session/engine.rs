@@ -70,6 +70,29 @@ impl Engine {
         Ok(Self::new(core, rig, workers(threads)?, interpreter(config, ignore_skips)))
     }
 
+    /// A core for another config than the inputs' own, in which `change` is made: in one that comes in the ledger too.
+    ///
+    /// # Errors
+    /// As [`Engine::of_config`].
+    pub fn of_changed(
+        config: &Config,
+        change: Arc<dyn Fn(&mut Config) + Send + Sync>,
+        threads: usize,
+    ) -> Result<Self, Failure> {
+        let mut changed = config.clone();
+        change(&mut changed);
+        let core = super::setup::core_config(&changed)?;
+        let files = config.attachments();
+        let interpreter = move |toml: &str| {
+            let header =
+                RecordingHeader { config: toml.to_owned(), files: files.clone(), ..RecordingHeader::default() };
+            let mut loaded = config::load_recorded(Recorded { path: "the ledger".into(), header }, &[])?;
+            change(&mut loaded.config);
+            super::setup::core_config(&loaded.config)
+        };
+        Ok(Self::new(core, rig_digest("", &[]), workers(threads)?, Box::new(interpreter)))
+    }
+
     /// Lets the core have an event.
     pub fn step(&mut self, event: &Event) -> Step<'_> {
         self.outputs.clear();

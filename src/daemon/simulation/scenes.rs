@@ -15,10 +15,11 @@ use crate::cli::Failure;
 pub const SCHEME: &str = "sim:";
 
 /// The scenes that come with the program: name and text, in the order of their names.
-const SCENES: [(&str, &str); 14] = [
+const SCENES: [(&str, &str); 15] = [
     ("calibration-board", include_str!("../../../config/scenes/calibration-board.toml")),
     ("calibration-mockup", include_str!("../../../config/scenes/calibration-mockup.toml")),
     ("calibration-sphere", include_str!("../../../config/scenes/calibration-sphere.toml")),
+    ("calibration-time", include_str!("../../../config/scenes/calibration-time.toml")),
     ("demo", include_str!("../../../config/scenes/demo.toml")),
     ("faults", include_str!("../../../config/scenes/faults.toml")),
     ("intruder", include_str!("../../../config/scenes/intruder.toml")),

@@ -22,7 +22,7 @@ pub use chi_square::{chi_square_quantile, mean_bounds};
 pub use consistency::{Consistency, NormalisedMean};
 pub use pose::{Aligned, Alignment, ErrorSample, Evaluation, MotionErrors, PoseErrors, ScalarErrors, evaluate};
 pub use trajectory::{Trajectory, TruthSample};
-pub use turntable::{EncoderSample, TurntableError, TurntableEvaluation, evaluate_turntable};
+pub use turntable::{EncoderSample, TurntableError, TurntableEvaluation, angle_at, evaluate_turntable};
 
 use nalgebra::{Isometry3, SMatrix, Vector3};
 use tumbled_model::RigNs;

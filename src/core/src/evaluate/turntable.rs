@@ -12,6 +12,8 @@ use tumbled_model::{RigNs, Span};
 const LONGEST_GAP: Span = Span(500_000_000);
 /// The encoder's rate is its difference over so long to both sides: a reading's own noise stays small against it.
 const STEP: Span = Span(250_000_000);
+/// A table that turns more slowly rests, rad/s (0.5 °/s).
+const AT_REST: f64 = 0.5 / 180.0 * PI;
 /// Estimates that turn less have no axis, rad.
 const LEAST_TRAVEL: f64 = 5.0 / 180.0 * PI;
 
@@ -33,15 +35,16 @@ pub struct TurntableEvaluation {
     pub left_out: u32,
     /// The times of the first and the last one scored.
     pub span: (RigNs, RigNs),
-    /// How far the table turned between them, rad.
+    /// How far the table turned between them, rad, to and fro added.
     pub travel_rad: f64,
-    /// The axis that all the estimated turning was about, rig axes, of length 1.
+    /// The axis that all the estimated turning was about, rig axes, of length 1, in the sense in which the table turned at
+    /// the end more than at the begin; turning back counts too.
     pub axis: Vector3<f64>,
     /// Angle turned about that axis, less the encoder's and the mean of that, rad; `mean` is therefore 0.
     pub about_axis_rad: ScalarErrors,
     /// How far the target's own attitude tilts off that axis, r.m.s. about the mean, rad. A true turntable has none.
     pub tilt_rms_rad: f64,
-    /// Angle between each estimate's spin axis and that axis, rad: the cone.
+    /// Angle between each estimate's spin axis and that axis, rad: the cone. Of estimates at which the table turned.
     pub cone_rad: ScalarErrors,
     /// Estimated rate |ω| less the encoder's, rad/s.
     pub rate_rps: ScalarErrors,
@@ -61,8 +64,8 @@ pub struct TurntableError {
     pub about_axis_rad: f64,
     /// Across it, less the mean of those scored, rad.
     pub tilt_rad: f64,
-    /// Angle between its spin axis and the axis, rad.
-    pub cone_rad: f64,
+    /// Angle between its spin axis and the axis, rad; `None`: the table rested, or nobody knows.
+    pub cone_rad: Option<f64>,
     /// Of the rate, rad/s; `None`: at the encoder's ends and gaps nobody knows it.
     pub rate_rps: Option<f64>,
     /// As estimated.
@@ -93,11 +96,13 @@ pub fn evaluate_turntable(
         return Err(EvaluateError::FewEstimates { found: pairs.len(), estimates: estimates.len() });
     };
     let turned = turned(&pairs);
+    let travel_rad = pairs.iter().zip(pairs.iter().skip(1)).map(|(before, after)| (after.1 - before.1).abs()).sum();
     let Some(axis) = turned.try_normalize(LEAST_TRAVEL) else {
         return Err(EvaluateError::NoTurn { travel_deg: turned.norm().to_degrees() as u32 });
     };
     // The axis is the sense in which the target turns; the encoder may count the other way.
     let sense = if last.1 < first.1 { -1.0 } else { 1.0 };
+    let axis = axis * sense;
     let from = |pair: &Pair<'_>| turn_from(first, pair, sense, &axis);
     let count = pairs.len() as f64;
     let (mut mean_error, mut mean_tilt) = (0.0, Vector3::zeros());
@@ -107,12 +112,16 @@ pub fn evaluate_turntable(
     }
     let series = known.iter().map(|(number, pair)| {
         let (estimate, (error, tilt)) = (pair.0, from(pair));
+        let table_rps = rate_at(encoder, estimate.t);
+        let spin_axis = |rate: f64| axis * (sense * rate).signum();
         let error = TurntableError {
             t: estimate.t,
             about_axis_rad: less_turns(error - mean_error),
             tilt_rad: (tilt - mean_tilt).norm(),
-            cone_rad: super::angle(&estimate.angular_velocity_rps, &axis),
-            rate_rps: rate_at(encoder, estimate.t).map(|rate| estimate.angular_velocity_rps.norm() - rate.abs()),
+            cone_rad: table_rps
+                .filter(|rate| rate.abs() >= AT_REST)
+                .map(|rate| super::angle(&estimate.angular_velocity_rps, &spin_axis(rate))),
+            rate_rps: table_rps.map(|rate| estimate.angular_velocity_rps.norm() - rate.abs()),
             nis: estimate.nis,
         };
         (*number, error)
@@ -126,11 +135,11 @@ pub fn evaluate_turntable(
         scored: pairs.len() as u32,
         left_out: (estimates.len() - pairs.len()) as u32,
         span: (first.0.t, last.0.t),
-        travel_rad: (last.1 - first.1).abs(),
+        travel_rad,
         axis,
         about_axis_rad: of(&|error| Some(error.about_axis_rad)),
         tilt_rms_rad: of(&|error| Some(error.tilt_rad)).rms,
-        cone_rad: of(&|error| Some(error.cone_rad)),
+        cone_rad: of(&|error| error.cone_rad),
         rate_rps: of(&|error| error.rate_rps),
         nis: NormalisedMean::of(scored().filter_map(|error| error.nis), 6, pairs.len() as u32),
         series,
@@ -150,11 +159,16 @@ fn less_turns(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
 
-/// The sum of the rotation vectors from estimate to estimate, rig axes: of its steps' noise only the ends' stays.
+/// The sum of the rotation vectors from estimate to estimate, rig axes, those backwards by the encoder turned round: of a way
+/// in one sense only the ends' noise stays.
 fn turned(pairs: &[Pair<'_>]) -> Vector3<f64> {
     let rotation = |(estimate, _): &Pair<'_>| estimate.t_rig_target.rotation;
     let steps = pairs.iter().zip(pairs.iter().skip(1));
-    steps.map(|(before, after)| log_rotation(&(rotation(after) * rotation(before).inverse()))).sum()
+    let step = |(before, after): (&Pair<'_>, &Pair<'_>)| {
+        let sense = if after.1 < before.1 { -1.0 } else { 1.0 };
+        log_rotation(&(rotation(after) * rotation(before).inverse())) * sense
+    };
+    steps.map(step).sum()
 }
 
 /// A rotation as one about the axis, rad in −π..=π, after a tilt across it, a rotation vector.
@@ -177,8 +191,9 @@ fn check_encoder(encoder: &[EncoderSample]) -> Result<(), EvaluateError> {
     }
 }
 
-/// Between readings a straight line; `None`: outside them or in a gap.
-fn angle_at(encoder: &[EncoderSample], t: RigNs) -> Option<f64> {
+/// The encoder's angle at a time, rad: between readings, in the order of their times, a straight line; `None`: outside
+/// them or in a gap of more than half a second.
+pub fn angle_at(encoder: &[EncoderSample], t: RigNs) -> Option<f64> {
     let next = encoder.partition_point(|sample| sample.t <= t);
     let before = encoder.get(next.checked_sub(1)?)?;
     if before.t == t {

@@ -46,6 +46,17 @@ pub enum Profile {
         /// Moves in all.
         count: u32,
     },
+    /// At each rate forwards by an angle and back again, with a rest before each move; then it stays.
+    BothWays {
+        /// The rates between a move's ramps, rad/s; one that is 0 is left out.
+        rates_rps: [f64; 3],
+        /// A move's angle, rad.
+        turn_rad: f64,
+        /// A rest's length.
+        rest: Span,
+        /// The length of the speeding up at a move's begin, and of the slowing down at its end.
+        ramp: Span,
+    },
     /// To and fro about an even turning, in its middle at the session's start.
     Sinusoid {
         /// The even turning, rad/s.
@@ -92,6 +103,7 @@ impl Profile {
             Self::Steps { step_rad, rest, moving, ramp, count } => {
                 moves(t, step_rad, rest, moving, within(ramp, moving), count)
             }
+            Self::BothWays { rates_rps, turn_rad, rest, ramp } => both_ways(seconds, rates_rps, turn_rad, rest, ramp),
             Self::Sinusoid { mean_rps, amplitude_rad, period } => {
                 let even = Turn { angle_rad: mean_rps * seconds, rate_rps: mean_rps };
                 if period.0 <= 0 {
@@ -122,7 +134,31 @@ fn moves(t: RigNs, step_rad: f64, rest: Span, moving: Span, ramp: Span, count: u
         return Turn { angle_rad: step_rad * done.clamp(0, i64::from(count)) as f64, rate_rps: 0.0 };
     }
     let into = Span(t.0 % period - rest).as_secs_f64().max(0.0);
-    let (whole, ramp) = (Span(moving).as_secs_f64(), ramp.as_secs_f64());
+    let turn = within_move(into, step_rad, Span(moving).as_secs_f64(), ramp.as_secs_f64());
+    Turn { angle_rad: step_rad * done as f64 + turn.angle_rad, ..turn }
+}
+
+/// Moves of one angle forwards and back at each rate, a rest before each.
+fn both_ways(seconds: f64, rates_rps: [f64; 3], turn_rad: f64, rest: Span, ramp: Span) -> Turn {
+    let (rest, ramp) = (rest.as_secs_f64().max(0.0), ramp.as_secs_f64().max(0.0));
+    let mut begin = 0.0;
+    for rate in rates_rps.into_iter().map(f64::abs).filter(|rate| *rate > 0.0) {
+        // So long that the rate between the ramps is the one asked for; a move shorter than its ramps has a lower one.
+        let whole = (turn_rad.abs() / rate + ramp).max(2.0 * ramp);
+        for (from, by) in [(0.0, turn_rad), (turn_rad, -turn_rad)] {
+            let into = seconds - begin - rest;
+            if into < whole {
+                let turn = within_move(into.max(0.0), by, whole, ramp);
+                return Turn { angle_rad: from + turn.angle_rad, ..turn };
+            }
+            begin += rest + whole;
+        }
+    }
+    Turn { angle_rad: 0.0, rate_rps: 0.0 }
+}
+
+/// So long, s, into a move of an angle: speeding up evenly, at one rate, slowing down.
+fn within_move(into: f64, step_rad: f64, whole: f64, ramp: f64) -> Turn {
     let peak_rps = step_rad / (whole - ramp);
     let left = whole - into;
     let (angle, rate_rps) = if into < ramp {
@@ -134,7 +170,7 @@ fn moves(t: RigNs, step_rad: f64, rest: Span, moving: Span, ramp: Span, count: u
     } else {
         (0.0, 0.0)
     };
-    Turn { angle_rad: step_rad * done as f64 + angle, rate_rps }
+    Turn { angle_rad: angle, rate_rps }
 }
 
 #[cfg(test)]
@@ -192,6 +228,25 @@ mod tests {
         assert!((profile.at(secs(1_000.0)).angle_rad - 125.0 * 0.8).abs() < 1e-9);
         assert_eq!(profile.at(secs(1_005.5)).rate_rps, 0.2);
         assert_eq!(profile.at(secs(1_002.5)).rate_rps, 0.0);
+    }
+
+    #[test]
+    fn both_ways_goes_forth_and_back_at_each_rate_and_stays() {
+        let rates_rps = [0.2, 0.4, 0.0];
+        let profile = Profile::BothWays { rates_rps, turn_rad: 2.0, rest: span(3.0), ramp: span(1.0) };
+        // At 0.2 rad/s a move takes 10 + 1 s, at 0.4 5 + 1: 14, 28, 37, 46 s are the ends.
+        let near = |at: f64, angle: f64, rate: f64| {
+            let turn = profile.at(secs(at));
+            let off = (turn.angle_rad - angle).abs().max((turn.rate_rps - rate).abs());
+            assert!(off < 1e-12, "{at} s: {turn:?}");
+        };
+        near(2.9, 0.0, 0.0);
+        near(8.5, 1.0, 0.2);
+        near(14.5, 2.0, 0.0);
+        near(22.5, 1.0, -0.2);
+        near(34.0, 1.0, 0.4);
+        near(43.0, 1.0, -0.4);
+        near(100.0, 0.0, 0.0);
     }
 
     #[test]

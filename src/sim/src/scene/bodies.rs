@@ -113,6 +113,12 @@ fn profile_of(profile: &SceneProfile) -> Profile {
             ramp: span(ramp_s),
             count,
         },
+        SceneProfile::BothWays { rates_dps, turns, rest_s, ramp_s } => Profile::BothWays {
+            rates_rps: rates_dps.map(f64::to_radians),
+            turn_rad: turns * core::f64::consts::TAU,
+            rest: span(rest_s),
+            ramp: span(ramp_s),
+        },
         SceneProfile::Sinusoid { mean_dps, amplitude_deg, period_s } => Profile::Sinusoid {
             mean_rps: mean_dps.to_radians(),
             amplitude_rad: amplitude_deg.to_radians(),

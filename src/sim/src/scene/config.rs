@@ -204,6 +204,17 @@ pub enum SceneProfile {
         /// Moves in all.
         count: u32,
     },
+    /// At each rate forwards and back again, with rests: what `calibrate time` asks for.
+    BothWays {
+        /// °/s; 0: none.
+        rates_dps: [f64; 3],
+        /// Turns of a move.
+        turns: f64,
+        /// A rest, s.
+        rest_s: f64,
+        /// A move's speeding up, and its slowing down, s.
+        ramp_s: f64,
+    },
     /// To and fro.
     Sinusoid {
         /// An even turning besides, °/s.

@@ -146,6 +146,12 @@ fn profile(profile: &SceneProfile) -> Result<(), SceneError> {
             number("motion.profile.move_s", move_s, LASTING_S)?;
             number("motion.profile.ramp_s", ramp_s, TIME_S)
         }
+        SceneProfile::BothWays { rates_dps, turns, rest_s, ramp_s } => {
+            each("motion.profile.rates_dps", &rates_dps, RATE_DPS)?;
+            number("motion.profile.turns", 360.0 * turns, ANGLE_DEG)?;
+            number("motion.profile.rest_s", rest_s, TIME_S)?;
+            number("motion.profile.ramp_s", ramp_s, TIME_S)
+        }
         SceneProfile::Sinusoid { mean_dps, amplitude_deg, period_s } => {
             number("motion.profile.mean_dps", mean_dps, RATE_DPS)?;
             number("motion.profile.amplitude_deg", amplitude_deg, ANGLE_DEG)?;
