@@ -4,6 +4,7 @@ mod architecture;
 mod background;
 mod calibrate_cli;
 mod calibrate_figures;
+mod calibrate_turning;
 mod cli_basics;
 mod config_cli;
 mod config_layers;
