@@ -66,6 +66,9 @@ pub enum NoPhase {
     },
 }
 
+/// A run's rate, mean phase, whole turns and states.
+type Found = (f64, f64, usize, usize);
+
 /// Phases of different runs are nearer to each other than this, rad: at 20 °/s half a second late are 20° between both ways.
 const LARGEST_JUMP: f64 = 30.0 / 180.0 * core::f64::consts::PI;
 
@@ -76,7 +79,7 @@ const LARGEST_JUMP: f64 = 30.0 / 180.0 * core::f64::consts::PI;
 pub fn phase(samples: &[TimedAngle]) -> Result<Phase, NoPhase> {
     let reference = samples.iter().find(|sample| sample.state_rad.is_finite());
     let zero = reference.map_or(0.0, |sample| sample.state_rad - sample.encoder_rad);
-    let mut found = Vec::new();
+    let mut found: Vec<Found> = Vec::new();
     let (mut between_turns, mut freedom) = (0.0, 0);
     for run in runs(samples) {
         let Some(run) = run.settled(SETTLE_S) else { continue };
@@ -106,9 +109,7 @@ pub fn phase(samples: &[TimedAngle]) -> Result<Phase, NoPhase> {
     // Weights by turns: a run of two has half the noise of one.
     let weight = |turns: usize| turns as f64;
     let total: f64 = found.iter().map(|(_, _, turns, _)| weight(*turns)).sum();
-    let mean_of = |what: &dyn Fn(&(f64, f64, usize, usize)) -> f64| {
-        found.iter().map(|run| weight(run.2) * what(run)).sum::<f64>() / total
-    };
+    let mean_of = |what: &dyn Fn(&Found) -> f64| found.iter().map(|run| weight(run.2) * what(run)).sum::<f64>() / total;
     let (mean_rate, mean_phase) = (mean_of(&|run| run.0), mean_of(&|run| run.1));
     let spread = total * mean_of(&|run| (run.0 - mean_rate) * (run.0 - mean_rate));
     let slope = total * mean_of(&|run| (run.0 - mean_rate) * (run.1 - mean_phase)) / spread;

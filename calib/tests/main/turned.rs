@@ -60,7 +60,7 @@ fn poses(stage: Stage, seed: u64) -> Vec<TurnedPose> {
 /// Axis, degrees, and distance of the lines, mm.
 fn errors(fit: &TurntableFit) -> (f64, f64) {
     let (found, center) = (fit.axis, Vector3::from(CENTER));
-    let off = (found.cross(&axis()).norm()).asin().to_degrees();
+    let off = libm::asin(found.cross(&axis()).norm()).to_degrees();
     // Where the axis found passes at the target's height.
     let at = center - fit.point_m;
     (off, 1e3 * (at - found.scale(found.dot(&at))).norm())
@@ -151,7 +151,7 @@ fn spun(rates_dps: &[f64], late_s: f64, (sigma_deg, bias_deg): (f64, f64), seed:
         let (encoder_rad, shown) = (at(t_s), at(t_s - late_s));
         let bias = legs.iter().rev().find(|leg| t_s >= leg.0).map_or(0.0, |leg| leg.4);
         // An error that depends on the attitude, 0.5°, is the same in every turn.
-        let of_attitude = 0.5_f64.to_radians() * (2.0 * shown).sin();
+        let of_attitude = 0.5_f64.to_radians() * libm::sin(2.0 * shown);
         let state_rad = shown + of_attitude + bias + sigma_deg.to_radians() * noise.normal() - 400.0 * TAU;
         TimedAngle { t_s, encoder_rad, state_rad }
     };
@@ -210,7 +210,7 @@ fn changing(angle: impl Fn(f64) -> f64, late_s: f64, sigma_deg: f64, seed: u64) 
 #[test]
 fn seven_milliseconds_are_found_by_correlation_within_three_sigma() {
     // To and fro by 40° in 9 s: at most 28 °/s.
-    let swing = |t: f64| 40.0_f64.to_radians() * (TAU * t / 9.0).sin();
+    let swing = |t: f64| 40.0_f64.to_radians() * libm::sin(TAU * t / 9.0);
     let mut within = 0;
     for seed in 0..20 {
         let found = correlate(&changing(swing, 0.007, 0.2, seed)).expect("a peak");
@@ -224,6 +224,6 @@ fn seven_milliseconds_are_found_by_correlation_within_three_sigma() {
 fn an_even_rate_and_a_fast_swing_are_refused_with_the_reason() {
     let even = correlate(&changing(|t| 0.3 * t, 0.007, 0.2, 1)).expect_err("nothing changes");
     assert!(matches!(even, NoCorrelation::NoSignal { .. } | NoCorrelation::BeyondReach), "{even}");
-    let fast = correlate(&changing(|t| 0.5 * (TAU * t / 0.3).sin(), 0.007, 0.05, 1)).expect_err("peaks everywhere");
+    let fast = correlate(&changing(|t| 0.5 * libm::sin(TAU * t / 0.3), 0.007, 0.05, 1)).expect_err("peaks everywhere");
     assert!(matches!(fast, NoCorrelation::Ambiguous { .. } | NoCorrelation::NoSignal { .. }), "{fast}");
 }

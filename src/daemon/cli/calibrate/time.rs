@@ -28,24 +28,24 @@ use crate::config::calibration::RawCalibration;
 pub struct Args {
     /// Captures in which the stage turns both ways; several are merged by host time.
     #[arg(long, value_name = "INPUT", required = true, num_args = 1..)]
-    pub from: Vec<PathBuf>,
+    from: Vec<PathBuf>,
     /// The calibration file that the results are written into; other results in it stay.
     #[arg(short, long, value_name = "FILE.toml")]
-    pub output: PathBuf,
+    output: PathBuf,
     /// A page with the verdict, the gates and what is behind them.
     #[arg(long, value_name = "FILE.html")]
-    pub report: Option<PathBuf>,
+    report: Option<PathBuf>,
     /// One sensor alone, by its id; repeatable. [default: all of the config]
     #[arg(long = "sensor", value_name = "ID")]
-    pub sensors: Vec<String>,
+    sensors: Vec<String>,
     /// Sensors calibrated at a time; 0 = one for each processor. Changes no result.
     #[arg(long, value_name = "N", default_value_t = 0)]
-    pub threads: usize,
+    threads: usize,
     /// Report on stdout as JSON.
     #[arg(long)]
-    pub json: bool,
+    json: bool,
     #[command(flatten)]
-    pub config: ConfigArgs,
+    config: ConfigArgs,
 }
 
 /// Calibrates.

@@ -23,18 +23,18 @@ use crate::cli::{ConfigArgs, Failure, InputArgs, Outcome, output, signals};
 pub struct Args {
     /// Captures in which the target turns on its stage; several are merged by host time.
     #[arg(long, value_name = "INPUT", required = true, num_args = 1..)]
-    pub from: Vec<PathBuf>,
+    from: Vec<PathBuf>,
     /// The calibration file that the result is written into; other results in it stay.
     #[arg(short, long, value_name = "FILE.toml")]
-    pub output: PathBuf,
+    output: PathBuf,
     /// A page with the verdict, the gates and what is behind them.
     #[arg(long, value_name = "FILE.html")]
-    pub report: Option<PathBuf>,
+    report: Option<PathBuf>,
     /// Report on stdout as JSON.
     #[arg(long)]
-    pub json: bool,
+    json: bool,
     #[command(flatten)]
-    pub config: ConfigArgs,
+    config: ConfigArgs,
 }
 
 /// Calibrates.
