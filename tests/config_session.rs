@@ -28,12 +28,13 @@ fn the_built_in_session_listens_on_loopback_and_records_in_parts() {
     let Config { time, stream, record, .. } = with(&[]);
     let expected = TimeConfig { hold: Span(150_000_000), silent_after: Span(2_000_000_000), clock: ClockMethod::Hull };
     assert_eq!(time, expected);
-    let StreamConfig { tcp, unix, control, foxglove, .. } = stream;
+    let StreamConfig { tcp, unix, control, http, foxglove, .. } = stream;
     let control = control.expect("a socket");
     assert_eq!((control.path.to_str(), control.configured), (Some("/run/tumbled/control.sock"), false));
     assert_eq!((stream.telemetry, stream.telemetry_kind, stream.rate_hz), (None, TelemetryKinds::Epoch, Some(100.0)));
     assert_eq!(stream.point_horizons, [Span(100_000_000), Span(500_000_000), Span(1_000_000_000)]);
     assert_eq!(tcp, "127.0.0.1:7117".parse().ok());
+    assert_eq!(http, "127.0.0.1:8080".parse().ok());
     assert_eq!(foxglove, "127.0.0.1:8765".parse().ok());
     assert_eq!(stream.max_cloud_points, 2_000);
     let unix = unix.expect("a socket");
@@ -97,6 +98,7 @@ fn what_is_no_address_size_or_duration_is_refused_with_the_form_it_has() {
     ];
     insta::assert_snapshot!(refused(&settings).join("\n"));
     assert_eq!(refused(&["stream.tcp=127.0.0.1:9", "stream.foxglove=127.0.0.1:9"]).len(), 1);
+    assert_eq!(refused(&["stream.tcp=127.0.0.1:9", "stream.http=127.0.0.1:9"]).len(), 1);
     assert_eq!(with(&["stream.tcp=127.0.0.1:0", "stream.foxglove=127.0.0.1:0"]).stream.tcp.map(|a| a.port()), Some(0));
     assert_eq!(refused(&["record.rotate_after=500ms"]).len(), 1);
 }

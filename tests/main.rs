@@ -64,6 +64,7 @@ mod support;
 mod telemetry;
 mod turntable_faults;
 mod turntable_live;
+mod web;
 #[cfg(feature = "kinect-usb")]
 mod whole_rig;
 

@@ -178,6 +178,7 @@ fn spawn_core(
         max_cloud_points: CLOUD_POINTS,
         horizons: Vec::new(),
         viewers: None,
+        web: None,
         telemetry: None,
         beat: None,
     };

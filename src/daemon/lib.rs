@@ -12,6 +12,7 @@
 //! * [`quantity`]: durations and sizes as people write them;
 //! * [`stream`]: the state stream to whoever connects;
 //! * [`telemetry`]: the state as UDP datagrams;
+//! * [`web`]: the operator's page and the metrics;
 //! * [`schema`]: the JSON Schemas of everything the commands print as JSON.
 #![forbid(unsafe_code)]
 
@@ -35,3 +36,4 @@ pub mod target;
 pub mod telemetry;
 pub mod unix_socket;
 pub mod vary;
+pub mod web;

@@ -23,6 +23,8 @@ pub(crate) struct Daemon {
     pub(crate) position: SocketAddr,
     /// Its state stream, if it serves one.
     pub(crate) stream: Option<SocketAddr>,
+    /// Its page, if it serves one.
+    pub(crate) http: Option<SocketAddr>,
 }
 
 /// How a daemon ended.
@@ -57,8 +59,8 @@ impl Daemon {
             Some(SocketAddr::from((Ipv4Addr::LOCALHOST, address.port())))
         };
         let (data, position) = (address("data=").expect("a port"), address("position=").expect("a port"));
-        let stream = address("tcp=");
-        Self { child, log, said, data, position, stream }
+        let (stream, http) = (address("tcp="), address("http="));
+        Self { child, log, said, data, position, stream, http }
     }
 
     pub(crate) fn id(&self) -> u32 {

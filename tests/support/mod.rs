@@ -1,5 +1,6 @@
 //! A fresh directory and the `tumbled` command in it.
 
+pub(crate) mod browser;
 pub(crate) mod daemon;
 pub(crate) mod foreign;
 pub(crate) mod ledger;

@@ -30,14 +30,18 @@ pub(super) fn time(raw: &RawTime) -> TimeConfig {
 /// `None`: an address or path that is none, reported.
 pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamConfig> {
     let tcp = socket_address(rules, "tcp", &raw.tcp, 7117);
+    let http = socket_address(rules, "http", &raw.http, 8080);
     let foxglove = socket_address(rules, "foxglove", &raw.foxglove, 8765);
     let telemetry = socket_address(rules, "telemetry", &raw.telemetry, 7118);
-    if let (Some(Some(tcp)), Some(Some(foxglove))) = (tcp, foxglove)
-        && tcp == foxglove
-        && tcp.port() != 0
-    {
-        let message = format!("`stream.tcp` and `stream.foxglove` are both {tcp}");
-        rules.broken(&keys(&["stream", "foxglove"]), message, "give each a port of its own");
+    for ((one, a), (other, b)) in [
+        (("tcp", tcp), ("foxglove", foxglove)),
+        (("tcp", tcp), ("http", http)),
+        (("foxglove", foxglove), ("http", http)),
+    ] {
+        if let Some(address) = a.flatten().filter(|address| b.flatten() == Some(*address) && address.port() != 0) {
+            let message = format!("`stream.{one}` and `stream.{other}` are both {address}");
+            rules.broken(&keys(&["stream", other]), message, "give each a port of its own");
+        }
     }
     let unix = unix_path(rules, "unix", &raw.unix, DEFAULT_STREAM_SOCKET);
     let control = unix_path(rules, "control", &raw.control, DEFAULT_CONTROL_SOCKET);
@@ -48,6 +52,7 @@ pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamCon
         tcp: tcp?,
         unix: unix?,
         control: control?,
+        http: http?,
         foxglove: foxglove?,
         telemetry: telemetry?,
         telemetry_kind: raw.telemetry_kind,

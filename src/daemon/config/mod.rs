@@ -42,7 +42,9 @@ pub use raw::{
     TurntableProtocol,
 };
 pub use raw_session::{ClockMethod, FilterMethodName, MotionName, RawFilter, TelemetryKinds};
-pub use session::{DEFAULT_CONTROL_SOCKET, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath};
+pub use session::{
+    DEFAULT_CONTROL_SOCKET, DEFAULT_HTTP, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath,
+};
 
 use crate::target::SavedTarget;
 

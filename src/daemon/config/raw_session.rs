@@ -4,7 +4,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::session::{DEFAULT_CONTROL_SOCKET, DEFAULT_STREAM_SOCKET};
+use super::session::{DEFAULT_CONTROL_SOCKET, DEFAULT_HTTP, DEFAULT_STREAM_SOCKET};
 
 /// How the sensors' data are brought to one time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -122,6 +122,8 @@ pub struct RawStream {
     pub unix: String,
     /// Unix socket where operators give orders; empty: none.
     pub control: String,
+    /// Address and port of the operator's page and of the metrics; port 0 = any free port; empty: none.
+    pub http: String,
     /// Address and port where viewers that speak the Foxglove protocol connect; port 0 = any free port; empty: none.
     pub foxglove: String,
     /// Where telemetry is sent, a UDP datagram for each state: address and port; empty: nowhere.
@@ -146,6 +148,7 @@ impl Default for RawStream {
             tcp: "127.0.0.1:7117".to_owned(),
             unix: DEFAULT_STREAM_SOCKET.to_owned(),
             control: DEFAULT_CONTROL_SOCKET.to_owned(),
+            http: DEFAULT_HTTP.to_string(),
             foxglove: "127.0.0.1:8765".to_owned(),
             telemetry: String::new(),
             telemetry_kind: TelemetryKinds::Epoch,

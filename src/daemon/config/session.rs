@@ -1,6 +1,6 @@
 //! What a checked config says about a session: time, stream, record.
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -14,6 +14,10 @@ pub const DEFAULT_STREAM_SOCKET: &str = "/run/tumbled/state.sock";
 
 /// The control socket unless the config names another.
 pub const DEFAULT_CONTROL_SOCKET: &str = "/run/tumbled/control.sock";
+
+/// Where the operator's page is served unless the config names another address. That it is taken is a warning: another
+/// `tumbled`, or any other program, may have it.
+pub const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8080));
 
 /// How the sensors' data are brought to one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +39,8 @@ pub struct StreamConfig {
     pub unix: Option<UnixPath>,
     /// Where operators give orders.
     pub control: Option<UnixPath>,
+    /// Where the operator's page and the metrics are served; port 0 = any free port.
+    pub http: Option<SocketAddr>,
     /// Where viewers that speak the Foxglove protocol connect; port 0 = any free port.
     pub foxglove: Option<SocketAddr>,
     /// Where telemetry is sent.

@@ -1,5 +1,7 @@
 //! What came out of the core, to whoever wants it: the state stream, viewers and the log.
 
+use std::sync::Arc;
+
 use tumbled_core::estimate::{Mode, MountingReport, Predictor, StateReason, TargetState};
 use tumbled_core::{CoreHealth, Epoch, Gravity, Notice, WallClock};
 use tumbled_io::live::SessionClock;
@@ -14,6 +16,7 @@ use crate::stream::{
     StreamOrigin,
 };
 use crate::telemetry::{Telemetry, TelemetryOutlet};
+use crate::web::Latest;
 
 /// Turns what came out into lines of the stream, views and lines of the log.
 #[derive(Debug)]
@@ -37,6 +40,8 @@ pub struct Audience {
     pub viewers: Option<FoxgloveBridge>,
     /// How far ahead points are predicted.
     pub horizons: Vec<Span>,
+    /// What the operator's page and the metrics are asked for.
+    pub web: Option<Arc<Latest>>,
     /// The guidance computer.
     pub telemetry: Option<TelemetryOutlet>,
     /// Those who want states between epochs.
@@ -105,9 +110,15 @@ impl Publish {
         if let Some(telemetry) = audience.telemetry.as_ref().filter(|telemetry| telemetry.kinds().epochs()) {
             telemetry.send(&Telemetry::of_epoch(state, unix));
         }
-        if audience.stream.wants(Class::State) {
+        let is_wanted = audience.stream.wants(Class::State);
+        if is_wanted || audience.web.is_some() {
             let line = StateLine::of_epoch(self.origin, state, unix).delivered(delivery);
-            audience.stream.publish(Class::State, &line);
+            if is_wanted {
+                audience.stream.publish(Class::State, &line);
+            }
+            if let Some(web) = &audience.web {
+                web.state(line);
+            }
         }
     }
 
@@ -192,6 +203,9 @@ impl Publish {
         audience.stream.publish(Class::Health, &line);
         if let Some(viewers) = &mut audience.viewers {
             viewers.health(&line, unix.0);
+        }
+        if let Some(web) = &audience.web {
+            web.health(line);
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::config::Config;
 use crate::foxglove::{FoxgloveBridge, FoxgloveConfig, SensorPose};
 use crate::stream::{ClientTotals, Hello, StreamConfig, StreamOrigin, StreamServer};
 use crate::telemetry::{TelemetryOutlet, TelemetrySender, session_bytes};
+use crate::web::{WebConfig, WebServer};
 
 /// What a session is, for those who connect.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +26,7 @@ pub struct About<'a> {
 #[derive(Debug)]
 pub struct Server {
     stream: StreamServer,
+    web: Option<WebServer>,
 }
 
 impl Server {
@@ -36,6 +38,11 @@ impl Server {
         let hello = Hello::new(about.session, &config.name, about.origin, about.unix_at_zero);
         let stream = StreamConfig::of(&config.stream, allow_nonlive);
         let stream = StreamServer::start(stream, &hello).map_err(Failure::input)?;
+        let web = match config.stream.http {
+            Some(address) => WebServer::start(&WebConfig { address, allow_nonlive }, &hello, stream.publisher())
+                .map_err(Failure::input)?,
+            None => None,
+        };
         let viewers = match config.stream.foxglove.filter(|_| cfg!(feature = "foxglove")) {
             Some(address) => {
                 let bridge = FoxgloveConfig { address, allow_nonlive };
@@ -64,10 +71,11 @@ impl Server {
             max_cloud_points: config.stream.max_cloud_points,
             horizons: config.stream.point_horizons.clone(),
             viewers,
+            web: web.as_ref().map(WebServer::latest),
             telemetry,
             beat,
         };
-        Ok((Self { stream }, Publish::new(about.origin, about.unix_at_zero, Some(audience))))
+        Ok((Self { stream, web }, Publish::new(about.origin, about.unix_at_zero, Some(audience))))
     }
 
     /// The state stream's clients.
@@ -78,6 +86,9 @@ impl Server {
     /// Ends it: clients take what waits for them, for a second at most.
     pub fn stop(self) {
         self.stream.stop();
+        if let Some(web) = self.web {
+            web.stop();
+        }
     }
 }
 

@@ -13,6 +13,8 @@ use super::frame::{Frame, NotALine};
 use super::hello::{ErrorLine, Hello};
 use super::limits::Limits;
 use super::queue::Queue;
+use super::request::Request;
+use super::subscriber::Subscriber;
 
 /// Where a client is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -207,6 +209,16 @@ pub struct Publisher {
 impl Publisher {
     pub(super) fn new(hub: Arc<Hub>) -> Self {
         Self { hub }
+    }
+
+    /// A client at `address` whose connection another server of the daemon holds; it counts as the stream's own do.
+    ///
+    /// # Errors
+    /// There are too many, or the stream ends: what to tell it.
+    pub fn join(&self, address: IpAddr, request: &Request) -> Result<Subscriber, ErrorLine> {
+        let client = self.hub.admit(Peer::of_address(address))?;
+        client.queue.apply(request);
+        Ok(Subscriber::new(client))
     }
 
     /// Whether a client is subscribed to this class: ask before making a line that is costly to make.

@@ -7,6 +7,7 @@
 //! ```
 //!
 //! * [`class`], [`hello`], [`state`], [`health`], [`cloud`], [`point`], [`sigma`], [`event`]: the lines and what is in them;
+//! * [`subscriber`]: a client whose connection is another server's;
 //! * [`frame`]: a line that many clients share; `queue`: what waits for one of them;
 //! * [`request`]: what a client may ask for; `client`: its task;
 //! * [`bind`], [`reach`], `accept`, [`limits`]: where it listens, who comes in, what each may take;
@@ -32,6 +33,7 @@ pub mod request;
 pub mod server;
 pub mod sigma;
 pub mod state;
+pub mod subscriber;
 
 pub use bind::StreamError;
 pub use class::Class;
@@ -49,3 +51,4 @@ pub use point::{Ahead, PointLine};
 pub use server::{StreamAddresses, StreamConfig, StreamServer};
 pub use sigma::SigmaLine;
 pub use state::StateLine;
+pub use subscriber::Subscriber;

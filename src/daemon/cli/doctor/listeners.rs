@@ -13,7 +13,7 @@ const CHECK: &str = "stream";
 
 /// The TCP ports and the Unix socket.
 pub(super) fn check(stream: &StreamConfig) -> Vec<Finding> {
-    let tcp = [("stream.tcp", stream.tcp), ("stream.foxglove", stream.foxglove)];
+    let tcp = [("stream.tcp", stream.tcp), ("stream.http", stream.http), ("stream.foxglove", stream.foxglove)];
     let tcp = tcp.into_iter().filter_map(|(key, address)| Some(tcp_port(key, address?)));
     tcp.chain(stream.unix.as_ref().map(unix_socket)).collect()
 }
