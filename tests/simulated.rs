@@ -43,6 +43,11 @@ fn a_scene_is_a_healthy_rig_whose_clocks_lock_and_whose_points_all_count() {
     assert!((880 + 33..=918 + 36).contains(&turntable.received), "{}", turntable.received);
     let angles = turntable.turntable.as_ref().expect("a turntable");
     assert!((280..=300).contains(&angles.samples) && angles.truth == TruthState::Valid, "{angles:?}");
+    // The target turns as the table does, 20 °/s; the filter has had a few seconds to settle.
+    let errors = angles.errors.expect("tracked on a turning table");
+    assert!(errors.states > 20 && errors.about_axis_deg.abs() < 2.0 && errors.rate_dps.abs() < 1.0, "{errors:?}");
+    assert_eq!(errors.axis_deg, None, "no calibration file");
+    assert!(near.turntable.is_none() && front.turntable.is_none());
     for sensor in [near, front] {
         let clock = sensor.clock.expect("a clock");
         assert_eq!((clock.state, sensor.lost.total), (ClockState::Locked, 0), "{}", sensor.id);

@@ -33,6 +33,7 @@ fn config() -> CoreConfig {
         lidars: Vec::new(),
         kinects: Vec::new(),
         turntables: Vec::new(),
+        turntable_axis: None,
         roi: RegionOfInterest { center: Point::new(2.0, 0.0, 0.0), radius_m: 1.2 },
         timing: Timing::default(),
         estimate: Default::default(),

@@ -2,6 +2,7 @@
 
 use crate::clock::ClockMode;
 use crate::estimate::EstimateSettings;
+use nalgebra::Vector3;
 use tumbled_kinect::{BackProjector, DepthTable};
 use tumbled_model::{Iso, Kinect, Lidar, Point, Rig, SensorId, Span};
 use tumbled_velodyne::stream::Settings;
@@ -15,6 +16,9 @@ pub struct CoreConfig {
     pub kinects: Vec<KinectSetup>,
     /// The turntables.
     pub turntables: Vec<TurntableSetup>,
+    /// The first turntable's axis where it was calibrated: rig axes, any length above 0, the target turns about it
+    /// counter-clockwise where the encoder's angle grows. Errors are told against it; nothing is estimated with it.
+    pub turntable_axis: Option<Vector3<f64>>,
     /// Where the target is looked for.
     pub roi: RegionOfInterest,
     /// How sensors are put on one timeline.

@@ -20,7 +20,7 @@ use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, W
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
 use crate::track::Tracker;
-use crate::turntable::TurntableSample;
+use crate::turntable::{ErrorWatch, TurntableErrors, TurntableSample};
 use crate::workers::Workers;
 use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
 
@@ -74,6 +74,9 @@ pub struct Pipeline {
     states: Vec<SensorState>,
     observer: Observer,
     judge: Judge,
+    errors: ErrorWatch,
+    /// Those of the newest health.
+    told_errors: Option<TurntableErrors>,
     notices: Waiting,
     wall: WallClock,
     workers: Workers,
@@ -88,6 +91,8 @@ impl Pipeline {
     pub fn new(config: CoreConfig, workers: Workers) -> Self {
         let channels = Channels::new(&config);
         let sensors = channels.len();
+        let mut errors = ErrorWatch::default();
+        errors.set_axis(config.turntable_axis);
         Self {
             boundaries: ScanBoundaries::new(&config),
             aligner: Aligner::new(sensors, config.kinects.len() + config.lidars.len(), config.timing.hold),
@@ -96,6 +101,8 @@ impl Pipeline {
             states: vec![SensorState::Absent; sensors],
             observer: Observer::default(),
             judge: Judge::default(),
+            errors,
+            told_errors: None,
             notices: Waiting::default(),
             wall: WallClock::new(),
             workers,
@@ -113,6 +120,7 @@ impl Pipeline {
         self.channels.configure(&config);
         self.boundaries = ScanBoundaries::new(&config);
         self.aligner.set_hold(config.timing.hold);
+        self.errors.set_axis(config.turntable_axis);
         let forgot = self.estimator.configure(&config);
         self.config = config;
         if forgot {
@@ -131,7 +139,13 @@ impl Pipeline {
             match self.channels.find(sensor) {
                 Some(channel) => {
                     self.feed(channel, event, begins_scan);
+                    let known = out.turntable.len();
                     self.channels.samples(channel, &mut out.turntable);
+                    let of_first = |sample: &&TurntableSample| {
+                        self.config.turntables.first().is_some_and(|first| first.id == sample.sensor)
+                    };
+                    let fresh = out.turntable.iter().skip(known).filter(of_first);
+                    fresh.for_each(|sample| self.errors.angle(sample));
                 }
                 None => self.note_unknown(sensor, event.arrived),
             }
@@ -189,10 +203,14 @@ impl Pipeline {
         &self.config.estimate.points
     }
 
-    /// The counts and states of every sensor as of everything seen so far, not waiting for anything.
+    /// The counts and states of every sensor as of everything seen so far, not waiting for anything; a turntable's errors
+    /// are those of the newest health.
     pub fn sensors(&self) -> Vec<SensorHealth> {
         let at = RigNs(self.now.0.saturating_add(1));
-        (0..self.channels.len()).filter_map(|channel| self.channels.health(channel, at)).collect()
+        let mut sensors: Vec<SensorHealth> =
+            (0..self.channels.len()).filter_map(|channel| self.channels.health(channel, at)).collect();
+        self.tell_errors(&mut sensors);
+        sensors
     }
 
     /// The target after every epoch that was given out since.
@@ -202,6 +220,9 @@ impl Pipeline {
         for epoch in epochs.get(states.len()..).unwrap_or_default() {
             let state = self.estimator.take(epoch, &self.workers, &mut told);
             out.predictors.push(self.estimator.predictor(&state));
+            if !self.config.turntables.is_empty() {
+                self.errors.state(&state);
+            }
             states.push(state);
         }
         out.kept.extend(self.estimator.kept());
@@ -316,6 +337,8 @@ impl Pipeline {
                 shed_scans: sensor.epochs.shed_scans,
             };
         }
+        self.told_errors = self.errors.errors(t);
+        self.tell_errors(&mut sensors);
         let reasons = self.judge.judge(self.observer.observe(&sensors));
         let wall = WallHealth {
             unix_ns: self.wall.unix(t).map(|unix| unix.0.to_string()),
@@ -323,6 +346,13 @@ impl Pipeline {
             last_step_ns: self.wall.last_step_until(t).map(|step| step.0),
         };
         CoreHealth { t_ns: t.0, level: worst(&reasons), reasons, sensors, wall }
+    }
+
+    /// To the first turntable: the one that the target stands on.
+    fn tell_errors(&self, sensors: &mut [SensorHealth]) {
+        if let Some(turntable) = sensors.iter_mut().find_map(|sensor| sensor.turntable.as_mut()) {
+            turntable.errors = self.told_errors;
+        }
     }
 
     /// Takes the buffers of epochs that the caller is done with.

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
 use tumbled_core::estimate::{EstimateSettings, NamedPoint, TargetMotionKind, TargetSearch, Trust};
 use tumbled_core::ukf::FilterMethod;
 use tumbled_core::{ClockMode, CoreConfig, KinectSetup, LidarSetup, RegionOfInterest, Timing, TurntableSetup};
 use tumbled_model::{SensorId, Span};
 
 use crate::cli::Failure;
+use crate::config::calibration::RawCalibration;
 use crate::config::{
     self, BackgroundName, ClockMethod, Config, FilterMethodName, MotionName, PointOfInterest, TurntableConfig,
     TurntableProtocol,
@@ -39,6 +41,7 @@ pub fn core_config(config: &Config) -> Result<CoreConfig, Failure> {
         lidars: lidars.collect::<Result<_, Failure>>()?,
         kinects: kinects.collect::<Result<_, Failure>>()?,
         turntables: config.turntable.iter().map(turntable).collect(),
+        turntable_axis: turntable_axis(config)?,
         roi: RegionOfInterest { center: config.target.roi_center, radius_m: config.target.roi_radius_m },
         timing: Timing {
             clock: match config.time.clock {
@@ -98,6 +101,15 @@ fn point(point: &PointOfInterest) -> NamedPoint {
 
 fn trust(rotation_deg: f64, translation_m: f64, time_ms: f64, depth_scale: f64) -> Trust {
     Trust { rotation_rad: rotation_deg.to_radians(), translation_m, time_s: time_ms * 1e-3, depth_scale }
+}
+
+/// The turntable's axis by the calibration file, in the sense in which the encoder grows.
+fn turntable_axis(config: &Config) -> Result<Option<Vector3<f64>>, Failure> {
+    let Some(file) = &config.calibration else { return Ok(None) };
+    let problem = |error: String| Failure::input(format!("the calibration file {}: {error}", file.place));
+    let text = file.text().map_err(|error| problem(error.to_string()))?;
+    let calibration: RawCalibration = toml::from_str(text).map_err(|error| problem(error.to_string()))?;
+    Ok(calibration.turntable.map(|turntable| Vector3::from(turntable.axis) * turntable.sign))
 }
 
 fn turntable(turntable: &TurntableConfig) -> TurntableSetup {

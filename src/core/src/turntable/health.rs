@@ -1,5 +1,6 @@
 //! What a turntable says of itself, and what its angle is worth.
 
+use super::TurntableErrors;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -36,6 +37,9 @@ pub struct TurntableHealth {
     pub invalid_since_ns: Option<i64>,
     /// Why it is invalid; null: it is not.
     pub invalid_because: Option<String>,
+    /// The estimate's errors against the encoder; null: nothing to compare in the last ten seconds, or too little was turned.
+    #[serde(default)]
+    pub errors: Option<TurntableErrors>,
 }
 
 /// What a turntable's angle is worth as truth.

@@ -7,11 +7,14 @@
 //!
 //! The chunks of both directions are all there is: a replay gives the samples of the live session.
 
+mod errors;
 mod health;
 mod sample;
 mod speech;
 mod truth;
 
+pub(crate) use errors::ErrorWatch;
+pub use errors::TurntableErrors;
 pub use health::{TruthState, TurntableHealth};
 pub use sample::TurntableSample;
 
@@ -220,6 +223,7 @@ impl TurntableChannel {
                 truth: self.truth_state(t),
                 invalid_since_ns: doubt.map(|doubt| doubt.since.0),
                 invalid_because: doubt.map(|doubt| doubt.cause.to_string()),
+                errors: None,
             }),
         }
     }

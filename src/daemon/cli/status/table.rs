@@ -4,6 +4,7 @@ use indicatif::HumanBytes;
 use tumbled_core::clock::ClockState;
 use tumbled_core::estimate::{EstimateHealth, SpinReport};
 use tumbled_core::health::{ClockHealth, LossHealth, SensorHealth, SensorKind};
+use tumbled_core::turntable::TurntableErrors;
 use tumbled_core::{ClockMode, Level};
 
 use super::StatusReport;
@@ -120,6 +121,13 @@ fn clock(clock: &ClockHealth) -> String {
     format!("{state}{mode}, offset {offset_s:.6} s ± {sigma_ms:.3} ms, skew {:+.2} ppm", clock.skew_ppm)
 }
 
+/// What the estimate is off by against the encoder.
+fn turntable_errors(errors: &TurntableErrors) -> String {
+    let TurntableErrors { about_axis_deg, rate_dps, axis_deg, .. } = errors;
+    let axis = axis_deg.map_or_else(String::new, |axis| format!(", axis {axis:.2}° from the calibrated one"));
+    format!("estimate less encoder: {about_axis_deg:+.2}° about the axis, {rate_dps:+.3}°/s{axis}")
+}
+
 /// What only some sensors have something to say about.
 fn details(lines: &mut Vec<String>, sensor: &SensorHealth) {
     let mut said: Vec<String> = Vec::new();
@@ -132,6 +140,8 @@ fn details(lines: &mut Vec<String>, sensor: &SensorHealth) {
     if let Some(kinect) = &sensor.kinect {
         said.push(format!("{} points in the region", kinect.points_in_roi));
     }
+    let errors = sensor.turntable.as_ref().and_then(|turntable| turntable.errors.as_ref());
+    said.extend(errors.map(turntable_errors));
     said.extend(losses(&sensor.lost));
     let malformed: u64 = sensor.malformed.values().sum();
     if malformed > 0 {

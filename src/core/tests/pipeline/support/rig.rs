@@ -21,6 +21,7 @@ pub(crate) fn lidar_only() -> CoreConfig {
         }],
         kinects: Vec::new(),
         turntables: Vec::new(),
+        turntable_axis: None,
         roi: RegionOfInterest { center: Point::new(2.0, 0.0, 0.0), radius_m: 1.2 },
         timing: Timing::default(),
         estimate: Default::default(),
