@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     fn curve(at: f64, floor: f64, bend: f64) -> Vec<(f64, f64)> {
-        (-4..=4).map(|n| f64::from(n)).map(|x| (x, floor + bend * (x - at) * (x - at))).collect()
+        (-4..=4).map(f64::from).map(|x| (x, floor + bend * (x - at) * (x - at))).collect()
     }
 
     #[test]
