@@ -3,7 +3,7 @@
 //! Sign: an offset is positive where the stamps are late, measurement time = stamp − offset. A state whose time is late by δ
 //! shows the target where it was δ ago: φ = angle of the state − angle of the encoder = φ_0 − ω δ.
 //!
-//! * [`phase`]: the mean of φ over whole turns at several rates, both ways; its slope over the rate is −δ;
+//! * [`phase()`]: the mean of φ over whole turns at several rates, both ways; its slope over the rate is −δ;
 //! * [`correlation`]: how a rate that changes appears in both.
 
 pub mod correlation;

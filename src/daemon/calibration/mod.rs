@@ -3,7 +3,7 @@
 //! * [`standstill`], [`gather`]: the poses of a recording;
 //! * [`extrinsic`]: the Kinect's place, as JSON and in the file; [`extrinsic_page`], `drawing`: as a page;
 //! * [`provenance`]: how a result was found, as it stands in the file;
-//! * [`file`]: the calibration file: read, one result replaced, written beside a copy of what was there;
+//! * [`mod@file`]: the calibration file: read, one result replaced, written beside a copy of what was there;
 //! * [`plays`]: inputs played through the core with changed configs, with the turntable's angles;
 //! * [`turntable`], [`time`]: what `calibrate turntable` and `calibrate time` tell;
 //! * [`frame`]: the report's page: the verdict first, then the gates, then what the result shows.

@@ -7,7 +7,7 @@
 //!                                                                 └▶ raster, boundary: where one ends ─┴▶ contour
 //! ```
 //!
-//! * [`fuse`]: points of frames, one for each bit of surface, by their inverse variances;
+//! * [`fuse()`]: points of frames, one for each bit of surface, by their inverse variances;
 //! * [`plane`]: a plane, how well it is known, and where it has points;
 //! * [`contour`]: edges of the contour; [`score`]: a model held against the true surface.
 //!
