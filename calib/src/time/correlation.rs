@@ -1,7 +1,8 @@
 //! Cross-correlation: a rate that rises and falls does so in the sensor's states as in the encoder's angles, later by the
 //! offset.
 
-use super::{TimedAngle, less_turns, student};
+use super::{TimedAngle, student};
+use tumbled_model::se3::less_turns;
 
 /// How often both rates are taken, 1/s.
 const RATE_HZ: f64 = 200.0;

@@ -24,11 +24,6 @@ pub struct TimedAngle {
     pub state_rad: f64,
 }
 
-/// Of the angles a turn apart the one in −π..=π, rad.
-fn less_turns(angle: f64) -> f64 {
-    angle - core::f64::consts::TAU * libm::round(angle / core::f64::consts::TAU)
-}
-
 /// What a standard deviation of a few degrees of freedom is multiplied by, so that three of it mean what they say: that of
 /// Student's distribution; of two and fewer, which has none, that of three is doubled.
 fn student(freedom: usize) -> f64 {

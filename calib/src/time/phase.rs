@@ -3,7 +3,8 @@
 //! Over whole turns the errors that depend on the attitude are the same in every run and fall into φ_0.
 
 use super::runs::runs;
-use super::{TimedAngle, less_turns, student};
+use super::{TimedAngle, student};
+use tumbled_model::se3::less_turns;
 
 /// What of a run's beginning is left out, s: the filter settles.
 pub const SETTLE_S: f64 = 3.0;

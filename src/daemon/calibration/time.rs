@@ -7,6 +7,7 @@ use tumbled_calib::time::{Correlated, Phase, TimedAngle, correlate, phase};
 use tumbled_calib::turntable::{TurnedPose, stepwise_axis};
 use tumbled_calib::{Gate, Status};
 use tumbled_core::evaluate::EstimateSample;
+use tumbled_model::se3::turned_about;
 
 use super::frame::{self, Parameter};
 use super::provenance::Provenance;
@@ -102,8 +103,7 @@ pub fn angles(turned: &[(&EstimateSample, f64)]) -> Vec<TimedAngle> {
     let Some(axis) = Unit::try_new(stepwise_axis(&poses), 0.1) else { return Vec::new() };
     let Some(((first, _), _)) = turned.split_first() else { return Vec::new() };
     let about = |state: &EstimateSample| {
-        let turned = state.t_rig_target.rotation * first.t_rig_target.rotation.inverse();
-        2.0 * turned.imag().dot(&axis).atan2(turned.w)
+        turned_about(&(state.t_rig_target.rotation * first.t_rig_target.rotation.inverse()), &axis)
     };
     let angle = |(state, encoder_rad): &(&EstimateSample, f64)| TimedAngle {
         t_s: (state.t - first.t).as_secs_f64(),

@@ -55,7 +55,10 @@ pub fn make(frames: &[KeptFrame], tracker: Option<(u32, &Tracker)>, settings: &R
     let target = (0..=last).max_by_key(|target| (count(*target), *target))?;
     let of_it = || frames.iter().filter(|kept| kept.target == target);
     let registered: Vec<RegisteredFrame> = match tracker.filter(|(of, _)| *of == target) {
-        Some((_, tracker)) => of_it().map(|kept| refined(kept, &mut tracker.clone())).collect(),
+        Some((_, tracker)) => {
+            let mut tracker = tracker.clone();
+            of_it().map(|kept| refined(kept, &mut tracker)).collect()
+        }
         None => of_it().map(|kept| RegisteredFrame::new(&kept.frame, &kept.t_rig_target, None)).collect(),
     };
     let fused = fuse(&registered);
@@ -72,6 +75,12 @@ fn refined(kept: &KeptFrame, tracker: &mut Tracker) -> RegisteredFrame {
 }
 
 impl Made {
+    /// The same fused points with no planes looked for.
+    pub fn without_planes(self) -> Self {
+        let settings = ReconSettings { planes: false, ..self.settings };
+        Self { model: reconstruct(&self.fused.points, &settings), settings, ..self }
+    }
+
     /// How thick the points of a kind of sensor lie about the planes they are on. `None`: it has none on a plane.
     pub fn thickness(&self, kind: SensorKind) -> Option<Thickness> {
         let (mut before, mut after) = (Vec::new(), Vec::new());

@@ -3,7 +3,8 @@
 //! A twist is ξ = (θ, ρ): rotation first, rad, then translation, m. `Exp(ξ) = (exp θ, V(θ) ρ)`. A covariance of a pose
 //! has the same order. (Design note `method.md` §0; Barfoot, State Estimation for Robotics, ch. 7.)
 
-use libm::{atan2, sin};
+use core::f64::consts::TAU;
+use libm::{atan2, round, sin};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Quaternion, Translation3, UnitQuaternion, Vector3, Vector6};
 
 /// Below this angle, rad, the coefficients come from their series: the next term is below 1e-16 there.
@@ -120,6 +121,16 @@ fn coefficients(angle: f64) -> (f64, f64, f64) {
 pub fn angle_between(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     let between = a.inverse() * b;
     2.0 * atan2(between.imag().norm(), between.w.abs())
+}
+
+/// How far a rotation turns about an axis of length 1, rad, −2π..=2π: a turn more or less is the same.
+pub fn turned_about(rotation: &UnitQuaternion<f64>, axis: &Vector3<f64>) -> f64 {
+    2.0 * atan2(rotation.imag().dot(axis), rotation.w)
+}
+
+/// Of the angles a turn apart the one in −π..=π, rad.
+pub fn less_turns(angle: f64) -> f64 {
+    angle - TAU * round(angle / TAU)
 }
 
 #[cfg(test)]

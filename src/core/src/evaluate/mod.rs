@@ -111,6 +111,6 @@ fn check_order(estimates: &[EstimateSample]) -> Result<(), EvaluateError> {
 }
 
 /// The angle between two directions, rad, 0..=π; 0 where one has no length.
-fn angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+pub(crate) fn angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     libm::atan2(a.cross(b).norm(), a.dot(b))
 }

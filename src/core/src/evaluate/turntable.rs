@@ -3,9 +3,9 @@
 use super::consistency::NormalisedMean;
 use super::pose::ScalarErrors;
 use super::{EstimateSample, EvaluateError, EvaluateOptions, check_order};
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::PI;
 use nalgebra::{UnitQuaternion, Vector3};
-use tumbled_model::se3::log_rotation;
+use tumbled_model::se3::{less_turns, log_rotation, turned_about};
 use tumbled_model::{RigNs, Span};
 
 /// Readings farther apart say nothing of what was between them.
@@ -154,11 +154,6 @@ fn turn_from(first: &Pair<'_>, pair: &Pair<'_>, sense: f64, axis: &Vector3<f64>)
     (less_turns(about - sense * (pair.1 - first.1)), tilt)
 }
 
-/// Of the angles a turn apart the one in −π..=π, rad.
-fn less_turns(angle: f64) -> f64 {
-    angle - TAU * libm::round(angle / TAU)
-}
-
 /// The sum of the rotation vectors from estimate to estimate, rig axes, those backwards by the encoder turned round: of a way
 /// in one sense only the ends' noise stays.
 fn turned(pairs: &[Pair<'_>]) -> Vector3<f64> {
@@ -173,9 +168,7 @@ fn turned(pairs: &[Pair<'_>]) -> Vector3<f64> {
 
 /// A rotation as one about the axis, rad in −π..=π, after a tilt across it, a rotation vector.
 fn split(rotation: &UnitQuaternion<f64>, axis: &Vector3<f64>) -> (f64, Vector3<f64>) {
-    let along = rotation.imag().dot(axis);
-    let about = 2.0 * libm::atan2(along, rotation.w);
-    let about = less_turns(about);
+    let about = less_turns(turned_about(rotation, axis));
     let twist = UnitQuaternion::from_axis_angle(&nalgebra::Unit::new_unchecked(*axis), about);
     (about, log_rotation(&(twist.inverse() * rotation)))
 }

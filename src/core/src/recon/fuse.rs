@@ -1,15 +1,10 @@
 //! Registered frames to one point for each bit of the target's surface.
 
-use crate::neighbours::KdTree;
 use crate::register::SensorKind;
-use crate::track::{BeamBiases, Growing, Observed, TrackFrame, gate_m};
+use crate::track::{BeamBiases, Growing, Observed, TrackFrame};
 use nalgebra::{Isometry3, Point3, Vector3};
 use tumbled_model::RigNs;
 
-/// A point moves a surfel that faces as it does: the least cosine of their normals.
-const SAME_FACING: f64 = 0.5;
-/// So near along the surface a surfel is to the points it is made of, m.
-const ASIDE_M: f64 = 0.013;
 /// A point seen in fewer frames than this, of a target seen in many, is a flying pixel or noise.
 const LEAST_FRAMES: u32 = 3;
 /// Many.
@@ -45,10 +40,7 @@ impl RegisteredFrame {
         let inverse = t_rig_target.inverse();
         let from = frame.shot().viewpoint;
         let corrected = |place: &Point3<f64>, number: usize| match (beams, frame.beams().get(number)) {
-            (Some(beams), Some(beam)) => {
-                let ray = (place - from).try_normalize(1e-6).unwrap_or_default();
-                place - ray * beams.bias_m(*beam)
-            }
+            (Some(beams), Some(beam)) => beams.corrected(place, *beam, &from),
             _ => *place,
         };
         let rows = frame.points().iter().zip(frame.normals()).zip(frame.sigma_m()).zip(0..);
@@ -58,6 +50,18 @@ impl RegisteredFrame {
             sigma_m: *sigma_m,
         });
         Self { kind: frame.kind(), t: frame.shot().t, viewpoint: inverse * from, points: points.collect() }
+    }
+
+    fn observed(&self) -> impl Iterator<Item = Observed> + '_ {
+        self.points.iter().map(|Sighting { place, normal, sigma_m }| Observed {
+            place: *place,
+            normal: *normal,
+            sigma_m: *sigma_m,
+        })
+    }
+
+    fn noisiest_m(&self) -> f64 {
+        self.points.iter().map(|point| point.sigma_m).fold(0.0, f64::max)
     }
 }
 
@@ -107,34 +111,12 @@ pub fn fuse(frames: &[RegisteredFrame]) -> Fused {
     let cameras = frames.iter().filter(|frame| frame.kind == SensorKind::Kinect);
     let lidars = frames.iter().filter(|frame| frame.kind == SensorKind::Lidar);
     for frame in cameras.chain(lidars) {
-        let noisiest = frame.points.iter().map(|point| point.sigma_m).fold(0.0, f64::max);
-        let observed = |point: &Sighting| Observed { place: point.place, normal: point.normal, sigma_m: point.sigma_m };
-        model.insert(frame.points.iter().map(observed), noisiest, frame.t);
+        model.insert(frame.observed(), frame.noisiest_m(), frame.t);
     }
-    let surfels = &model.surfels;
-    let places: Vec<Point3<f32>> = surfels.positions().iter().map(|place| place.cast()).collect();
-    let tree = KdTree::build(&places);
-    let mut seen = vec![Seen { least_cosine: 1.0, ..Seen::default() }; surfels.len()];
+    let mut seen = vec![Seen { least_cosine: 1.0, ..Seen::default() }; model.surfels.len()];
     let mut part_of = Vec::with_capacity(frames.len());
     for (frame, number) in frames.iter().zip(0..) {
-        let home = |point: &Sighting| {
-            let gate = gate_m(point.sigma_m);
-            let mut best = (ASIDE_M * ASIDE_M, u32::MAX);
-            tree.within(&point.place.cast(), (gate * gate + ASIDE_M * ASIDE_M) as f32, |surfel, _| {
-                let at = surfel as usize;
-                let (Some(place), Some(normal)) = (surfels.positions().get(at), surfels.normals().get(at)) else {
-                    return;
-                };
-                let offset = point.place - place;
-                let along = offset.dot(normal);
-                let aside = offset.norm_squared() - along * along;
-                if along.abs() < gate && normal.dot(&point.normal) >= SAME_FACING && (aside, surfel) < best {
-                    best = (aside, surfel);
-                }
-            });
-            (best.1 != u32::MAX).then_some(best.1)
-        };
-        let homes: Vec<Option<u32>> = frame.points.iter().map(home).collect();
+        let homes: Vec<Option<u32>> = model.homes(frame.observed(), frame.noisiest_m()).collect();
         for (point, home) in frame.points.iter().zip(&homes) {
             let Some(seen) = home.and_then(|home| seen.get_mut(home as usize)) else { continue };
             match frame.kind {
@@ -150,6 +132,7 @@ pub fn fuse(frames: &[RegisteredFrame]) -> Fused {
         }
         part_of.push(homes);
     }
+    let surfels = &model.surfels;
     let least = if frames.len() >= MANY_FRAMES { LEAST_FRAMES } else { 1 };
     let mut renumbered = vec![None; surfels.len()];
     let mut points = Vec::new();

@@ -52,7 +52,7 @@ impl BeamBiases {
     }
 
     /// A return where it would be without its beam's bias.
-    pub(super) fn corrected(&self, point: &Point3<f64>, beam: u8, viewpoint: &Point3<f64>) -> Point3<f64> {
+    pub(crate) fn corrected(&self, point: &Point3<f64>, beam: u8, viewpoint: &Point3<f64>) -> Point3<f64> {
         let bias = self.bias_m(beam);
         match (point - viewpoint).try_normalize(1e-6) {
             Some(ray) if bias != 0.0 => point - ray * bias,

@@ -26,7 +26,7 @@ pub use deskew::RigMotion;
 pub use fit::Fit;
 pub use frame::{LidarReturn, Pixel, Shot, TrackFrame};
 pub use model::{MODEL_REACH_M, MOST_SURFELS};
-pub(crate) use model::{Model as Growing, Observed, gate_m};
+pub(crate) use model::{Model as Growing, Observed};
 pub use surfels::{Surfel, Surfels};
 
 use crate::register::SensorKind;

@@ -109,9 +109,28 @@ impl Model {
         self.renew();
     }
 
-    /// Which surfel a point belongs to: of those that face as it does and are near enough along the normal the one nearest
-    /// along the surface.
+    /// The surfel that each of a frame's points is part of, as it is now; of which the noisiest has a σ of `noisiest` m.
+    pub(crate) fn homes(
+        &mut self,
+        points: impl Iterator<Item = Observed>,
+        noisiest: f64,
+    ) -> impl Iterator<Item = Option<u32>> {
+        self.bins.fill(places(&self.surfels), reach_m(gate_m(noisiest)));
+        points.map(|point| self.nearest(&point).map(|(_, surfel)| surfel as u32))
+    }
+
+    /// What becomes of a point, by the surfel nearest to it.
     fn fate(&self, point: &Observed) -> Fate {
+        match self.nearest(point) {
+            None => Fate::New,
+            Some((aside, surfel)) if aside < SAME_M * SAME_M => Fate::Moves(surfel),
+            Some(_) => Fate::Dropped,
+        }
+    }
+
+    /// Of the surfels that face as a point does and are near enough along the normal the one nearest along the surface, if it
+    /// is too near for another: its squared distance along the surface, m², and its number.
+    fn nearest(&self, point: &Observed) -> Option<(f64, usize)> {
         let gate = gate_m(point.sigma_m);
         let reach = reach_m(gate);
         let mut best = (APART_M * APART_M, usize::MAX);
@@ -128,11 +147,7 @@ impl Model {
                 best = (aside, surfel);
             }
         });
-        match best {
-            (_, usize::MAX) => Fate::New,
-            (aside, surfel) if aside < SAME_M * SAME_M => Fate::Moves(surfel),
-            _ => Fate::Dropped,
-        }
+        (best.1 != usize::MAX).then_some(best)
     }
 
     fn pull(&mut self, surfel: usize, point: &Observed) {
@@ -239,7 +254,7 @@ impl Model {
 }
 
 /// How far off a surfel a point of a σ may be, m.
-pub(crate) fn gate_m(sigma_m: f64) -> f64 {
+fn gate_m(sigma_m: f64) -> f64 {
     OFF_M.max(OFF_SIGMAS * sigma_m).min(MOST_OFF_M)
 }
 

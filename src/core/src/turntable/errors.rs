@@ -9,14 +9,14 @@
 //! among each other, so a replay tells the same errors.
 
 use crate::estimate::{Mode, TargetState};
-use crate::evaluate::{EncoderSample, angle_at};
+use crate::evaluate::{EncoderSample, angle, angle_at};
 use crate::turntable::TurntableSample;
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::PI;
 use nalgebra::{UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use tumbled_model::se3::log_rotation;
+use tumbled_model::se3::{less_turns, log_rotation, turned_about};
 use tumbled_model::{RigNs, Span};
 
 /// How long a state waits for the angles around it.
@@ -221,8 +221,7 @@ impl Since {
         let axis = self.turned.try_normalize(LEAST_TRAVEL)?;
         let about = |scored: &Scored| {
             let rotation = scored.rotation * self.first.rotation.inverse();
-            let turned = 2.0 * libm::atan2(rotation.imag().dot(&axis), rotation.w);
-            less_turns(turned - (scored.angle_rad - self.first.angle_rad))
+            less_turns(turned_about(&rotation, &axis) - (scored.angle_rad - self.first.angle_rad))
         };
         let zero = self.zero.iter().map(&about).sum::<f64>() / self.zero.len() as f64;
         let about = |scored: &Scored| less_turns(about(scored) - zero);
@@ -239,14 +238,9 @@ impl Since {
             about_axis_rms_deg: rms(&about),
             rate_dps: mean(&rate).to_degrees(),
             rate_rms_dps: rms(&rate),
-            axis_deg: calibrated.map(|truth| libm::atan2(axis.cross(truth).norm(), axis.dot(truth)).to_degrees()),
+            axis_deg: calibrated.map(|truth| angle(&axis, truth).to_degrees()),
         })
     }
-}
-
-/// Of the angles a turn apart the one in −π..=π, rad.
-fn less_turns(angle: f64) -> f64 {
-    angle - TAU * libm::round(angle / TAU)
 }
 
 #[cfg(test)]

@@ -109,8 +109,7 @@ impl Trial {
         for ((name, _), lane) in LANES.iter().zip(&lanes) {
             let frames = &lane.listener.frames;
             let tracker = frames.last().map(|kept| kept.target).zip(lane.tracker());
-            for planes in [true, false] {
-                let settings = ReconSettings { planes, ..ReconSettings::default() };
+            let row = |planes: bool, made: Option<&Made>| {
                 let blank = Row {
                     target: self.target.0.to_owned(),
                     seed: self.seed,
@@ -118,9 +117,11 @@ impl Trial {
                     planes,
                     ..Row::default()
                 };
-                let made = make::make(frames, tracker, &settings);
-                rows.push(made.map_or(blank.clone(), |made| score(blank, &scene, &truth, frames, &made)));
-            }
+                made.map_or(blank.clone(), |made| score(blank, &scene, &truth, frames, made))
+            };
+            let made = make::make(frames, tracker, &ReconSettings::default());
+            rows.push(row(true, made.as_ref()));
+            rows.push(row(false, made.map(Made::without_planes).as_ref()));
         }
         Ok(Some(rows))
     }
