@@ -10,7 +10,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use tumbled_model::{CivilTime, UnixNs};
 
 use super::provenance::Provenance;
-use crate::cli::Failure;
+use crate::cli::{Failure, output};
 use crate::config::calibration::RawCalibration;
 
 /// What stands at the top of every calibration file.
@@ -51,8 +51,7 @@ pub fn note(file: &mut RawCalibration, command: &str, provenance: &Provenance) -
 pub fn write(path: &Path, file: &RawCalibration) -> Result<Option<PathBuf>, Failure> {
     let failed = |error: std::io::Error| Failure::failed(format!("cannot write {}: {error}", path.display()));
     let text = toml::to_string(file).map_err(Failure::failed)?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut fresh = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    let mut fresh = output::beside(output::folder_of(path)).map_err(failed)?;
     fresh.write_all(HEADER.as_bytes()).and_then(|()| fresh.write_all(text.as_bytes())).map_err(failed)?;
     fresh.as_file().sync_all().map_err(failed)?;
     let kept = match fs::metadata(path) {

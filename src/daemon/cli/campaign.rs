@@ -94,11 +94,7 @@ fn pose(args: &Args, mut file: PoseCampaignFile) -> Result<Outcome, Failure> {
     write(&args.output, "campaign.html", report.page(&trials).as_bytes())?;
     write(&args.output, "campaign.md", report.markdown(&trials).as_bytes())?;
     write(&args.output, "trials.jsonl", &trial_lines)?;
-    if args.json {
-        output::json(&report)?
-    } else {
-        output::text(&report.text(&trials))?
-    }
+    output::report(&report, args.json, || report.text(&trials))?;
     Ok(if report.holds { Outcome::Fine } else { Outcome::Incomplete })
 }
 
@@ -123,10 +119,6 @@ fn registration(args: &Args, mut file: CampaignFile) -> Result<Outcome, Failure>
     write(&args.output, "campaign.html", report.page().as_bytes())?;
     write(&args.output, "campaign.md", report.markdown().as_bytes())?;
     write(&args.output, "trials.jsonl", &trial_lines)?;
-    if args.json {
-        output::json(&report)?
-    } else {
-        output::text(&report.text())?
-    }
+    output::report(&report, args.json, || report.text())?;
     Ok(if report.holds { Outcome::Fine } else { Outcome::Incomplete })
 }

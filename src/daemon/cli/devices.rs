@@ -125,11 +125,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let loaded = args.config.load()?;
     let heard = Listening::open(&loaded.config).listen(args.listen).map_err(Failure::failed)?;
     let report = report(Path::new("/"), &heard);
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, args.json, || text(&report))?;
     Ok(Outcome::Fine)
 }
 

@@ -106,11 +106,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let (mut a, mut b) = (open(&args.a, &loaded.config)?, open(&args.b, &loaded.config)?);
     let report = compare_all(&mut a, &mut b)?;
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, args.json, || text(&report))?;
     Ok(match (report.equal, report.whole) {
         (false, _) => Outcome::Different,
         (true, true) => Outcome::Fine,

@@ -7,7 +7,7 @@ use clap::Args as ClapArgs;
 use tumbled_io::recording::Origin;
 use tumbled_model::RigNs;
 
-use super::experiment::write;
+use super::experiment::write_report;
 use super::replay::origin;
 use super::{Failure, InputArgs, Outcome, VERSION, output, signals};
 use crate::decoding::Inputs;
@@ -130,14 +130,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if let Some(folder) = &args.output {
-        let json = serde_json::to_string_pretty(&report).map_err(Failure::failed)? + "\n";
-        write(folder, "report.json", json.as_bytes())?;
-        write(folder, "report.html", page::evaluation(&report, &gathered, series.as_ref()).as_bytes())?;
+        write_report(folder, &report, &page::evaluation(&report, &gathered, series.as_ref()))?;
     }
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text::report(&report))?;
-    }
+    output::report(&report, args.json, || text::report(&report))?;
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
 }

@@ -4,7 +4,6 @@ mod pose;
 mod reconstruction;
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -139,16 +138,10 @@ fn registration(args: &Args) -> Result<Outcome, Failure> {
     };
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if let Some(folder) = &args.output {
-        let json = serde_json::to_string_pretty(&report).map_err(Failure::failed)? + "\n";
-        write(folder, "report.json", json.as_bytes())?;
-        write(folder, "report.html", page::experiment(&report).as_bytes())?;
+        write_report(folder, &report, &page::experiment(&report))?;
         write(folder, "trials.jsonl", &measured.trials)?;
     }
-    if args.json {
-        output::json(&report)?
-    } else {
-        output::text(&text::report(&report))?
-    }
+    output::report(&report, args.json, || text::report(&report))?;
     Ok(Outcome::Fine)
 }
 
@@ -268,7 +261,12 @@ pub(super) fn lines(rows: &[Row], trials: &[Vec<Trial>], to: &mut Vec<u8>) -> Re
 
 /// Writes a file of a report's folder.
 pub(super) fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
-    let path = folder.join(name);
-    let written = fs::File::create(&path).and_then(|mut file| file.write_all(bytes));
-    written.map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))
+    output::file(&folder.join(name), bytes)
+}
+
+/// Writes report.json and report.html into a folder.
+pub(super) fn write_report(folder: &Path, report: &impl Serialize, page: &str) -> Result<(), Failure> {
+    let json = serde_json::to_string_pretty(report).map_err(Failure::failed)? + "\n";
+    write(folder, "report.json", json.as_bytes())?;
+    write(folder, "report.html", page.as_bytes())
 }

@@ -112,10 +112,6 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         ..report::of_model(&made)
     };
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&report.text())?;
-    }
+    output::report(&report, args.json, || report.text())?;
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
 }

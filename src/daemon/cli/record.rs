@@ -143,11 +143,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let summary = recording.unwrap_or_default();
     let report = report(&header, sources.sources, summary);
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, args.json, || text(&report))?;
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 

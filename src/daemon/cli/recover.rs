@@ -87,11 +87,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     written(&summary)?;
     let report = report(output, summary.file_bytes, reader.info());
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, args.json, || text(&report))?;
     Ok(if report.whole { Outcome::Fine } else { Outcome::Incomplete })
 }
 

@@ -200,11 +200,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let end = session.end();
     server.stop();
     let report = report(&about, scene.as_deref(), end)?;
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, args.json, || text(&report))?;
     Ok(if report.complete || !timed_out { Outcome::Fine } else { Outcome::Incomplete })
 }
 

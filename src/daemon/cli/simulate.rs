@@ -134,11 +134,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         frames_left_out: files.frames_left_out,
         files: files.finish()?,
     };
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report, &args.output))?;
-    }
+    output::report(&report, args.json, || text(&report, &args.output))?;
     Ok(Outcome::Fine)
 }
 

@@ -1,7 +1,6 @@
 //! `tumbled replay --vary`: one capture against several values of each assumption about the rig.
 
 use std::f64::consts::TAU;
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -69,14 +68,9 @@ pub fn run(
     };
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if let Some(path) = html {
-        fs::write(path, page::vary(&report))
-            .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))?;
+        output::file(path, page::vary(&report))?;
     }
-    if json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, json, || text(&report))?;
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 

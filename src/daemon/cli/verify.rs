@@ -121,11 +121,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     compute(&mut reader, &mut engine, &mut comparison)?;
     let report = report(&engine, comparison, reader.info());
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, args.json, || text(&report))?;
     Ok(match report.verdict {
         Verdict::Different => Outcome::Different,
         Verdict::Match if report.complete => Outcome::Fine,

@@ -45,16 +45,18 @@ pub enum StreamError {
 
 /// Listens on a TCP address.
 pub(super) fn tcp(address: SocketAddr) -> Result<std::net::TcpListener, StreamError> {
-    let listen = || {
-        let socket = Socket::new(Domain::for_address(address), Type::STREAM, Some(Protocol::TCP))?;
-        // A restart must not wait for the old connections to time out.
-        socket.set_reuse_address(true)?;
-        socket.bind(&address.into())?;
-        socket.listen(BACKLOG)?;
-        socket.set_nonblocking(true)?;
-        Ok(socket.into())
-    };
-    listen().map_err(|source| StreamError::Tcp { address, source })
+    listen(address, BACKLOG).map_err(|source| StreamError::Tcp { address, source })
+}
+
+/// A listener for an asynchronous server; the kernel holds `backlog` connections until they are accepted.
+pub(crate) fn listen(address: SocketAddr, backlog: i32) -> io::Result<std::net::TcpListener> {
+    let socket = Socket::new(Domain::for_address(address), Type::STREAM, Some(Protocol::TCP))?;
+    // A restart must not wait for the old connections to time out.
+    socket.set_reuse_address(true)?;
+    socket.bind(&address.into())?;
+    socket.listen(backlog)?;
+    socket.set_nonblocking(true)?;
+    Ok(socket.into())
 }
 
 /// Listens on a Unix socket. `None`: the default path cannot be written, which has been told.

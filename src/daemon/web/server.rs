@@ -13,7 +13,6 @@ use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use serde::Serialize;
-use socket2::{Domain, Protocol, Socket, Type};
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
@@ -23,6 +22,7 @@ use super::latest::Latest;
 use super::reply::{guard, of_kind};
 use super::{metrics, pages};
 use crate::config::DEFAULT_HTTP;
+use crate::stream::bind;
 use crate::stream::reach::{self, NonLive};
 use crate::stream::{Hello, Publisher};
 
@@ -103,7 +103,7 @@ impl WebServer {
     pub fn start(config: &WebConfig, hello: &Hello, publisher: Publisher) -> Result<Option<Self>, WebError> {
         let address = config.address;
         reach::check("the operator's page", address, hello.origin, config.allow_nonlive)?;
-        let listener = match listen(address) {
+        let listener = match bind::listen(address, BACKLOG) {
             Ok(listener) => listener,
             Err(error) if address == DEFAULT_HTTP && error.kind() == io::ErrorKind::AddrInUse => {
                 tracing::warn!(
@@ -157,16 +157,6 @@ impl Drop for WebServer {
             runtime.shutdown_background();
         }
     }
-}
-
-fn listen(address: SocketAddr) -> io::Result<std::net::TcpListener> {
-    let socket = Socket::new(Domain::for_address(address), Type::STREAM, Some(Protocol::TCP))?;
-    // A restart must not wait for the old connections to time out.
-    socket.set_reuse_address(true)?;
-    socket.bind(&address.into())?;
-    socket.listen(BACKLOG)?;
-    socket.set_nonblocking(true)?;
-    Ok(socket.into())
 }
 
 fn router(served: Served) -> Router {

@@ -1,6 +1,5 @@
 //! `tumbled calibrate extrinsic`: the Kinect relative to the LiDAR.
 
-use std::fs;
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
@@ -127,14 +126,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         tracing::warn!("{}: {}", gate.name, gate.remedy.as_deref().unwrap_or_default());
     }
     if let Some(path) = &args.report {
-        fs::write(path, extrinsic_page::page(&report, &found))
-            .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))?;
+        output::file(path, extrinsic_page::page(&report, &found))?;
     }
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report))?;
-    }
+    output::report(&report, args.json, || text(&report))?;
     Ok(if report.provenance.status == Status::Fail { Outcome::Incomplete } else { Outcome::Fine })
 }
 

@@ -1,6 +1,5 @@
 //! `tumbled calibrate time`: how late each sensor's stamps are, against the turntable's encoder.
 
-use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -88,14 +87,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let report = TimeReport { provenance, sensors: found, written, warnings };
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if let Some(path) = &args.report {
-        fs::write(path, told::page(&report))
-            .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))?;
+        output::file(path, told::page(&report))?;
     }
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&told::text(&report))?;
-    }
+    output::report(&report, args.json, || told::text(&report))?;
     let is_fine = report.provenance.status != Status::Fail && plays.iter().all(|played| played.complete);
     Ok(if is_fine { Outcome::Fine } else { Outcome::Incomplete })
 }

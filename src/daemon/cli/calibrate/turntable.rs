@@ -1,6 +1,5 @@
 //! `tumbled calibrate turntable`: the stage's axis in the rig.
 
-use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -71,14 +70,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if let Some(path) = &args.report {
-        fs::write(path, told::page(&report, fit, &poses))
-            .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))?;
+        output::file(path, told::page(&report, fit, &poses))?;
     }
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&told::text(&report))?;
-    }
+    output::report(&report, args.json, || told::text(&report))?;
     let is_fine = report.provenance.status != Status::Fail && played.complete;
     Ok(if is_fine { Outcome::Fine } else { Outcome::Incomplete })
 }

@@ -55,11 +55,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Err(error) => return Err(unusable(error, args.json)?),
     };
     let report = DoctorReport::new(examine(args, &loaded)?);
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&report.text())?;
-    }
+    output::report(&report, args.json, || report.text())?;
     Ok(if report.healthy { Outcome::Fine } else { Outcome::Incomplete })
 }
 

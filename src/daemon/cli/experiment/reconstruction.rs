@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use tumbled_sim::target::TargetKind;
 
-use super::write;
+use super::write_report;
 use crate::cli::{Failure, Outcome, VERSION, output, signals};
 use crate::experiment::machine::Machine;
 use crate::experiment::reconstruction::ReconstructionReport;
@@ -101,14 +101,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     if let Some(folder) = &args.output {
-        let json = serde_json::to_string_pretty(&report).map_err(Failure::failed)? + "\n";
-        write(folder, "report.json", json.as_bytes())?;
-        write(folder, "report.html", report.page().as_bytes())?;
+        write_report(folder, &report, &report.page())?;
     }
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&report.text())?;
-    }
+    output::report(&report, args.json, || report.text())?;
     Ok(if report.warnings.is_empty() { Outcome::Fine } else { Outcome::Incomplete })
 }

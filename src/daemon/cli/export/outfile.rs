@@ -4,21 +4,17 @@
 //! leaves a short file that looks like a whole one and never touches a file that was there. What is no regular file (a
 //! device, a pipe) cannot be replaced: it is written to as it stands.
 
-use std::fs::{self, File, OpenOptions, Permissions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempPath};
 
 use super::protected::{Protected, resolve};
-use crate::cli::Failure;
+use crate::cli::{Failure, output};
 
 /// Writes through a buffer this large.
 const BUFFER_BYTES: usize = 1 << 20;
-
-/// What a new file may be used for, before the umask takes its part off: as of any program's files.
-const NEW_FILE_MODE: u32 = 0o666;
 
 /// The file being written. Dropped without [`OutFile::finish`] it is removed.
 pub(super) struct OutFile {
@@ -59,11 +55,7 @@ impl OutFile {
         protected.allow(path, &name)?;
         let folder = name.parent().unwrap_or(Path::new("/"));
         fs::create_dir_all(folder).map_err(|error| cannot_write(folder, error))?;
-        // Hidden, so that no program takes it for a frame; its name does not grow with that of the file.
-        let mut builder = tempfile::Builder::new();
-        let new_file = Permissions::from_mode(NEW_FILE_MODE);
-        builder.prefix(".tumbled-").suffix(".partial").permissions(new_file);
-        let beside = builder.tempfile_in(folder).map_err(|error| cannot_write(path, error))?;
+        let beside = output::beside(folder).map_err(|error| cannot_write(path, error))?;
         let (file, written) = NamedTempFile::into_parts(beside);
         if let Some(permissions) = permissions {
             file.set_permissions(permissions).map_err(|error| cannot_write(path, error))?;

@@ -58,11 +58,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         watch.event(&event);
     }
     let report = watch.report(&inputs, UsedConfig::new(&loaded, &args.input.config.settings));
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text::render(&report))?;
-    }
+    output::report(&report, args.json, || text::render(&report))?;
     Ok(if inputs.data_lost() { Outcome::Incomplete } else { Outcome::Fine })
 }
 

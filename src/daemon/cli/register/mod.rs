@@ -105,11 +105,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(page) = &args.viz {
         viewer::write(page, [&args.moving, &args.reference], [&moving_cloud, &reference_cloud], &report, &found)?;
     }
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text::text(&report, &found, &moving_cloud))?;
-    }
+    output::report(&report, args.json, || text::text(&report, &found, &moving_cloud))?;
     Ok(Outcome::Fine)
 }
 

@@ -1,6 +1,5 @@
 //! Both clouds before and after in a page of its own: no network, no other file.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -8,7 +7,7 @@ use tumbled_core::register::{Cloud, Registration};
 
 use super::report::{CloudReport, PoseReport, RegisterReport};
 use super::text::Sigmas;
-use crate::cli::Failure;
+use crate::cli::{Failure, output};
 use crate::experiment::trial::centroid;
 
 /// The page, with a place for its data.
@@ -57,7 +56,7 @@ pub(super) fn write(
     found: &Registration,
 ) -> Result<(), Failure> {
     let text = page_of(names, clouds, report, found)?;
-    fs::write(page, text).map_err(|error| Failure::failed(format!("cannot write {}: {error}", page.display())))
+    output::file(page, text)
 }
 
 fn page_of(

@@ -93,11 +93,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut report = MatchReport { name: saved.name.clone(), digest: saved.digest.clone(), ..MatchReport::default() };
     play(&mut inputs, &mut engine, &mut report, &mut pace)?;
     report.recognised = report.tracked > 0;
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&text(&report, saved.short_digest()))?;
-    }
+    output::report(&report, args.json, || text(&report, saved.short_digest()))?;
     Ok(if report.recognised { Outcome::Fine } else { Outcome::Incomplete })
 }
 

@@ -1,8 +1,6 @@
 //! `tumbled target save`.
 
-use std::fs::Permissions;
 use std::io::Write;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
@@ -88,11 +86,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let saved = SavedTarget::new(&args.name, &source, tracker.surfels()).map_err(Failure::failed)?;
     write(&args.output, &saved.text())?;
     let report = TargetReport::of(&saved);
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&report.text())?;
-    }
+    output::report(&report, args.json, || report.text())?;
     if report.sizes.closed < ALL_SIDES {
         tracing::warn!(
             "its surface is closed to {:.0} % only, not all of its sides are known: save it after a whole turn, or it is \
@@ -111,10 +105,7 @@ fn base(input: &Path) -> String {
 /// Whole or not at all: written beside the place, renamed at the end.
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::failed(format!("cannot write {}: {error}", path.display()));
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".tumbled-").suffix(".partial").permissions(Permissions::from_mode(0o666));
-    let mut beside = builder.tempfile_in(folder).map_err(failed)?;
+    let mut beside = output::beside(output::folder_of(path)).map_err(failed)?;
     beside.write_all(text.as_bytes()).map_err(failed)?;
     beside.persist(path).map_err(|error| failed(error.error))?;
     Ok(())

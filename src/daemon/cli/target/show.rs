@@ -76,10 +76,6 @@ impl TargetReport {
 /// Exit code 2: a file that is no saved target.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let report = TargetReport::of(&super::read(&args.file)?);
-    if args.json {
-        output::json(&report)?;
-    } else {
-        output::text(&report.text())?;
-    }
+    output::report(&report, args.json, || report.text())?;
     Ok(Outcome::Fine)
 }
