@@ -9,7 +9,7 @@ use tumbled::stream::StateLine;
 use tumbled_core::estimate::{Mode, StateReason};
 
 use crate::support::Workbench;
-use crate::support::daemon::Daemon;
+use crate::support::daemon::{Daemon, FREE_PORTS};
 use crate::support::states::lines;
 
 /// Somebody who stands in the region of interest for good, and a bus that is carried to a place before him.
@@ -87,9 +87,8 @@ fn an_order_stands_in_the_ledger_and_a_replay_repeats_it_to_the_bit() {
     let bench = Workbench::new();
     let socket = bench.path("control.sock");
     let control = format!("stream.control={}", socket.display());
-    let ports = ["--set", "stream.tcp=127.0.0.1:0", "--set", "stream.unix=", "--set", "stream.foxglove="];
     let run = ["run", "--sim", "demo", "--json", "--min-free", "0", "--record", "run.mcap", "--set", &control];
-    let mut daemon = Daemon::start(&bench, &[&run[..], &ports].concat());
+    let mut daemon = Daemon::start(&bench, &[&run[..], &FREE_PORTS].concat());
     daemon.once_said("running");
     let mode = std::fs::metadata(&socket).expect("a socket").permissions().mode();
     assert_eq!(mode & 0o777, 0o660, "orders are for the owner and the group");

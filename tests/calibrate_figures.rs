@@ -225,9 +225,9 @@ fn run(row: &Row, seeds: std::ops::Range<u64>) -> Vec<Trial> {
     trials
 }
 
-#[test]
-fn a_board_in_twelve_random_poses_gives_the_kinects_place() {
-    for trial in run(&BOARD, 1..3) {
+/// What the worst of twenty may be.
+fn are_within_the_worst(trials: &[Trial]) {
+    for trial in trials {
         assert!(
             trial.rotation_deg < 0.4 && trial.translation_mm < 8.0,
             "{} {}",
@@ -239,16 +239,13 @@ fn a_board_in_twelve_random_poses_gives_the_kinects_place() {
 }
 
 #[test]
+fn a_board_in_twelve_random_poses_gives_the_kinects_place() {
+    are_within_the_worst(&run(&BOARD, 1..3));
+}
+
+#[test]
 fn a_sphere_in_fifteen_random_places_gives_the_kinects_place() {
-    for trial in run(&SPHERE, 1..2) {
-        assert!(
-            trial.rotation_deg < 0.4 && trial.translation_mm < 8.0,
-            "{} {}",
-            trial.rotation_deg,
-            trial.translation_mm
-        );
-        assert!(trial.status < Status::Fail);
-    }
+    are_within_the_worst(&run(&SPHERE, 1..2));
 }
 
 /// Seeds of the acceptance table: `cargo test --test main -- --ignored --nocapture calibrate_figures`.

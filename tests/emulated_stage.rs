@@ -13,7 +13,7 @@ use tumbled_model::{Span, UnixNs};
 use tumbled_serial::zaber::{Command, Heard, LineSettings, Poll, PollSettings, Rejection, Sample, Turn};
 
 use crate::support::Workbench;
-use crate::support::daemon::Daemon;
+use crate::support::daemon::{Daemon, FREE_PORTS};
 
 /// Counts of the emulated stage's turn.
 const COUNTS_PER_TURN: f64 = 768_000.0;
@@ -115,8 +115,7 @@ fn polled_at_20_degrees_a_second_it_is_where_the_scene_is_within_the_doubt_of_th
 #[test]
 fn a_live_scene_tells_where_its_stage_answers_and_one_without_a_stage_has_none() {
     let bench = Workbench::new();
-    let free = ["--set", "stream.tcp=127.0.0.1:0", "--set", "stream.unix=", "--set", "stream.foxglove="];
-    let mut daemon = Daemon::start(&bench, &[&["run", "--sim", "turntable-20dps"], &free[..]].concat());
+    let mut daemon = Daemon::start(&bench, &[&["run", "--sim", "turntable-20dps"], &FREE_PORTS[..]].concat());
     daemon.once_said("turntable emulator on ");
     let (_, after) = daemon.said.split_once("turntable emulator on ").expect("a path");
     let path = after.split(',').next().expect("a path").to_owned();

@@ -15,23 +15,12 @@ use tumbled_model::{Body, Event};
 
 use crate::support::Workbench;
 use crate::support::pcap::{Datagram, write_pcap};
-use crate::support::real::{datagrams, real};
+use crate::support::real::{HAND_HELD, datagrams, real};
 use crate::support::states::{apart, pose, replayed};
 
 fn states(bench: &Workbench, arguments: &[&str]) -> Vec<StateLine> {
     replayed(bench, arguments, &[0, 3])
 }
-
-/// The rig of the sequence: one camera, whose scene is the target.
-const HAND_HELD: &str = r#"
-lidar = []
-[target]
-search = "everything"
-[[kinect]]
-id = "near"
-intrinsics = { fx = 585.0, fy = 585.0, cx = 320.0, cy = 240.0 }
-t_rig_kinect = { translation_m = [0.0, 0.0, 0.0], rotation_xyzw = [0.0, 0.0, 0.0, 1.0] }
-"#;
 
 /// A camera's pose in the world, by the sequence's own tracking. Its rotations are rotations to 4e-4.
 fn camera(folder: &Path, frame: usize) -> Isometry3<f64> {

@@ -6,7 +6,7 @@ use tumbled::reconstruction::ReconstructReport;
 use tumbled::reconstruction::report::{ContourFile, EdgeTag, PlanesFile};
 
 use crate::support::Workbench;
-use crate::support::real::real;
+use crate::support::real::{HAND_HELD, real};
 
 #[test]
 fn a_session_gives_the_same_model_on_any_threads_with_the_sides_of_its_target() {
@@ -80,16 +80,6 @@ fn a_model_of_a_turn_lies_on_the_true_surface() {
     assert!(fused.complete.expect("a surface") >= 0.9, "{fused:?}");
     assert!(fused.lidar_ratio.expect("points") >= 2.0, "{fused:?}");
 }
-
-const HAND_HELD: &str = r#"
-lidar = []
-[target]
-search = "everything"
-[[kinect]]
-id = "near"
-intrinsics = { fx = 585.0, fy = 585.0, cx = 320.0, cy = 240.0 }
-t_rig_kinect = { translation_m = [0.0, 0.0, 0.0], rotation_xyzw = [0.0, 0.0, 0.0, 1.0] }
-"#;
 
 #[test]
 fn a_real_scene_has_planes_that_are_thinner_than_they_were_measured() {

@@ -12,11 +12,9 @@ use tumbled::stream::StreamOrigin;
 use tumbled_core::ClockState;
 
 use crate::rig_files::header;
-use crate::support::daemon::{Daemon, Ended};
+use crate::support::daemon::{Daemon, Ended, FREE_PORTS};
 use crate::support::{Workbench, repository};
 
-/// Served on free ports, so that the tests may run beside each other.
-const FREE_PORTS: [&str; 6] = ["--set", "stream.tcp=127.0.0.1:0", "--set", "stream.unix=", "--set", "stream.foxglove="];
 /// So long is waited for what has to happen; a machine that is busy may take its time.
 const PATIENCE: Duration = Duration::from_secs(60);
 

@@ -10,7 +10,7 @@ use nix::sys::wait::waitpid;
 use nix::unistd::Pid;
 
 use crate::support::Workbench;
-use crate::support::daemon::Daemon;
+use crate::support::daemon::{Daemon, FREE_PORTS};
 
 /// What waits for something that has to happen waits so long.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -58,9 +58,8 @@ fn start(bench: &Workbench, manager_is_here: bool) -> Daemon {
     if manager_is_here {
         environment.push(("NOTIFY_SOCKET".into(), bench.path("notify.sock").into()));
     }
-    let free = ["--set", "stream.tcp=127.0.0.1:0", "--set", "stream.unix=", "--set", "stream.foxglove="];
     let session = ["run", "--config", "rig.toml", "--record", "run.mcap", "--json", "--set", "stream.control="];
-    Daemon::start_in(bench, &environment, &[&session[..], &free].concat())
+    Daemon::start_in(bench, &environment, &[&session[..], &FREE_PORTS].concat())
 }
 
 /// The core's thread of a process.

@@ -9,20 +9,11 @@ use tumbled_model::RigNs;
 use tumbled_sim::turntable::StageFault;
 
 use crate::support::Workbench;
+use crate::support::daemon::FREE_PORTS;
 use crate::support::stage::{Manners, Port, turning};
 
-const FREE_PORTS: [&str; 10] = [
-    "--set",
-    "stream.tcp=127.0.0.1:0",
-    "--set",
-    "stream.unix=",
-    "--set",
-    "stream.foxglove=",
-    "--set",
-    "lidar.port=0",
-    "--set",
-    "lidar.position_port=0",
-];
+/// Where the LiDAR's packets would come.
+const LIDAR_PORTS: [&str; 4] = ["--set", "lidar.port=0", "--set", "lidar.position_port=0"];
 
 /// A rig with a turntable behind the bench's link.
 fn rig(bench: &Workbench) {
@@ -38,7 +29,7 @@ fn a_live_turntable_is_recorded_and_its_replay_is_the_same_to_the_bit() {
     let mut port = Port::new(bench.path("turntable"), turning(20.0, faults), &clock);
     port.plug(Manners::default());
     let arguments = ["run", "--config", "rig.toml", "--record", "run.mcap", "--min-free", "0", "--duration", "8s"];
-    let done = bench.run(&[&arguments[..], &["--json"], &FREE_PORTS].concat());
+    let done = bench.run(&[&arguments[..], &["--json"], &FREE_PORTS, &LIDAR_PORTS].concat());
     assert_eq!(done.code, 0, "{}", done.stderr);
     assert!(done.stderr.contains("device=1 axis=1"), "{}", done.stderr);
     let live: RunReport = done.json();
@@ -59,7 +50,8 @@ fn a_live_turntable_is_recorded_and_its_replay_is_the_same_to_the_bit() {
 fn a_turntable_that_is_not_there_holds_up_neither_the_start_nor_the_end_and_the_log_says_what_to_do() {
     let bench = Workbench::new();
     rig(&bench);
-    let done = bench.run(&[&["run", "--config", "rig.toml", "--duration", "1s"], &FREE_PORTS[..]].concat());
+    let done =
+        bench.run(&[&["run", "--config", "rig.toml", "--duration", "1s"], &FREE_PORTS[..], &LIDAR_PORTS].concat());
     assert_eq!(done.code, 0, "{}", done.stderr);
     assert!(
         done.stderr.contains("there is no serial port") && done.stderr.contains("tumbled devices"),
@@ -68,7 +60,7 @@ fn a_turntable_that_is_not_there_holds_up_neither_the_start_nor_the_end_and_the_
     );
     let recorded =
         ["record", "--config", "rig.toml", "-o", "run.mcap", "--duration", "1s", "--min-free", "0", "--json"];
-    let done = bench.run(&[&recorded[..], &FREE_PORTS[6..]].concat());
+    let done = bench.run(&[&recorded[..], &LIDAR_PORTS].concat());
     let report: Value = done.json();
     let sensors: Vec<&str> =
         report["sources"].as_array().expect("sources").iter().filter_map(|source| source["sensor"].as_str()).collect();

@@ -12,24 +12,13 @@ use tungstenite::http::HeaderValue;
 
 use crate::support::Workbench;
 use crate::support::browser::Browser;
-use crate::support::daemon::Daemon;
+use crate::support::daemon::{Daemon, FREE_PORTS};
 
 /// So long is waited for what has to happen; a machine that is busy may take its time.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-const SERVED: [&str; 8] = [
-    "--set",
-    "stream.tcp=127.0.0.1:0",
-    "--set",
-    "stream.unix=",
-    "--set",
-    "stream.foxglove=",
-    "--set",
-    "stream.http=127.0.0.1:0",
-];
-
 fn demo(bench: &Workbench) -> (Daemon, SocketAddr) {
-    let daemon = Daemon::start(bench, &[&["run", "--sim", "demo", "--json"], &SERVED[..]].concat());
+    let daemon = Daemon::start(bench, &[&["run", "--sim", "demo", "--json"], &FREE_PORTS[..]].concat());
     let http = daemon.http.expect("a page");
     (daemon, http)
 }
@@ -189,7 +178,8 @@ fn the_page_shows_in_a_browser_that_it_is_simulated_and_tracks_with_a_rate_and_f
     }
     // A daemon comes back at the same address, and the page finds it by itself.
     let at = format!("stream.http={http}");
-    let again = Daemon::start(&bench, &[&["run", "--sim", "demo", "--json"], &SERVED[..], &["--set", &at]].concat());
+    let again =
+        Daemon::start(&bench, &[&["run", "--sim", "demo", "--json"], &FREE_PORTS[..], &["--set", &at]].concat());
     let began = Instant::now();
     while browser.text_of("origin") != "SIMULATED" {
         assert!(began.elapsed() < PATIENCE, "it still says {}", browser.text_of("origin"));

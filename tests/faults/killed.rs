@@ -7,14 +7,13 @@ use tumbled_io::recording::Reader;
 
 use super::session::S;
 use crate::support::Workbench;
-use crate::support::daemon::Daemon;
+use crate::support::daemon::{Daemon, FREE_PORTS};
 
 /// Kills after a moment that follows from `seed`; gives what of the session was lost, ns.
 fn kill(seed: u64) -> i64 {
     let bench = Workbench::new();
-    let ports = ["--set", "stream.tcp=127.0.0.1:0", "--set", "stream.unix=", "--set", "stream.foxglove="];
     let arguments = ["run", "--sim", "demo", "--record", "run.mcap", "--min-free", "0"];
-    let daemon = Daemon::start(&bench, &[&arguments[..], &ports].concat());
+    let daemon = Daemon::start(&bench, &[&arguments[..], &FREE_PORTS].concat());
     // 1.2 to 4.2 s, by a multiplicative hash.
     let delay = 1_200 + (seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) % 3_000;
     std::thread::sleep(Duration::from_millis(delay));

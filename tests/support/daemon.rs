@@ -11,6 +11,18 @@ use tumbled_velodyne::{Model, ReturnMode};
 use super::Workbench;
 use crate::synth::Sensor;
 
+/// Arguments with which a daemon serves on ports that nobody has.
+pub(crate) const FREE_PORTS: [&str; 8] = [
+    "--set",
+    "stream.tcp=127.0.0.1:0",
+    "--set",
+    "stream.unix=",
+    "--set",
+    "stream.foxglove=",
+    "--set",
+    "stream.http=127.0.0.1:0",
+];
+
 /// A running `tumbled`.
 pub(crate) struct Daemon {
     child: Child,

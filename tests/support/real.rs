@@ -10,6 +10,17 @@ use tumbled_velodyne::wire::POSITION_LEN;
 
 use super::repository;
 
+/// The rig of the real sequence `kinect/seq7`: one camera, whose scene is the target.
+pub(crate) const HAND_HELD: &str = r#"
+lidar = []
+[target]
+search = "everything"
+[[kinect]]
+id = "near"
+intrinsics = { fx = 585.0, fy = 585.0, cx = 320.0, cy = 240.0 }
+t_rig_kinect = { translation_m = [0.0, 0.0, 0.0], rotation_xyzw = [0.0, 0.0, 0.0, 1.0] }
+"#;
+
 /// The path of a real capture; `None` and a printed line when it is not there.
 pub(crate) fn real(name: &str) -> Option<PathBuf> {
     let path = repository().join("../shared/data").join(name);
