@@ -7,6 +7,7 @@ use std::time::Duration;
 use tumbled::config::{
     ClockMethod, Config, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TelemetryKinds, TimeConfig, load,
 };
+use tumbled_io::recording::RingBound;
 use tumbled_model::Span;
 
 use crate::support::Workbench;
@@ -40,7 +41,10 @@ fn the_built_in_session_listens_on_loopback_and_records_in_parts() {
     let unix = unix.expect("a socket");
     assert_eq!((unix.path.as_path(), unix.configured), (Path::new(DEFAULT_STREAM_SOCKET), false));
     let rotate_after = Some(Duration::from_secs(600));
-    assert_eq!(record, RecordConfig { min_free: Some(1 << 30), rotate: Some(4 << 30), rotate_after, keep: None });
+    let pretrigger = RingBound { span: Span(30_000_000_000), bytes: 256 << 20 };
+    let (min_free, rotate) = (Some(1 << 30), Some(4 << 30));
+    assert_eq!(record, RecordConfig { min_free, rotate, rotate_after, keep: None, pretrigger });
+    assert!(!stream.http_control, "nobody orders from a page unless somebody wanted it");
 }
 
 #[test]
@@ -61,10 +65,16 @@ fn predictions_have_a_rate_and_horizons_in_their_ranges_or_are_off() {
 #[test]
 fn an_empty_text_switches_a_listener_or_a_limit_off() {
     let off = ["stream.tcp=", "stream.unix=", "stream.foxglove=", "record.min_free=", "record.rotate="];
-    let config = with(&[&off[..], &["record.rotate_after=", "record.keep=3"]].concat());
+    let config = with(&[&off[..], &["record.rotate_after=", "record.keep=3", "record.pretrigger="]].concat());
     assert_eq!((config.stream.tcp, config.stream.unix, config.stream.foxglove), (None, None, None));
     let keep = NonZeroU32::new(3);
-    assert_eq!(config.record, RecordConfig { min_free: None, rotate: None, rotate_after: None, keep });
+    let pretrigger = RingBound { span: Span(0), bytes: 256 << 20 };
+    assert_eq!(config.record, RecordConfig { min_free: None, rotate: None, rotate_after: None, keep, pretrigger });
+    for (wrong, part) in [("record.pretrigger=long", "expected a duration"), ("record.pretrigger_bytes=5GiB", "4 GiB")]
+    {
+        let said = refused(&[wrong]);
+        assert!(said.len() == 1 && said[0].contains(part), "{wrong}: {said:?}");
+    }
 }
 
 #[test]

@@ -30,6 +30,7 @@ mod kinect_doctor;
 mod kinect_live;
 mod live_losses;
 mod machine_cli;
+mod ordered_recordings;
 mod pose_campaign_cli;
 mod predicted;
 mod real_states;

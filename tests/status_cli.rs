@@ -103,6 +103,8 @@ fn health() -> HealthLine {
             lost: 0,
         }],
         shed_scans: 2,
+        run: None,
+        pretrigger_bytes: 0,
         recorder: Some(RecorderHealth {
             state: RecorderStatus::Recording,
             file: "run.mcap".to_owned(),

@@ -60,6 +60,10 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/control-request.schema.json", schema: schema_for!(crate::control::OrderLine) },
         Published { file: "docs/schema/control-answer.schema.json", schema: schema_for!(crate::control::Reply) },
         Published { file: "docs/schema/import.schema.json", schema: schema_for!(crate::cli::import::ImportReport) },
+        Published {
+            file: "docs/schema/api-control.schema.json",
+            schema: schema_for!(crate::web::control::ControlReport),
+        },
         Published { file: "docs/schema/record.schema.json", schema: schema_for!(crate::cli::record::RecordReport) },
         Published {
             file: "docs/schema/register.schema.json",

@@ -20,7 +20,7 @@ use tumbled_model::Span;
 use super::ledger::LedgerReport;
 use super::{ConfigArgs, Failure, Outcome, output, quantity, signals};
 use crate::config::{ConfigSource, RecordConfig};
-use crate::session::live::RecordingPart;
+use crate::session::live::{RecorderPart, RecordingPart};
 use crate::session::{LiveSession, Rig, SessionEnd, SourceReport, kinects, live};
 
 /// How often the end is looked for.
@@ -135,13 +135,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let header = live::header(live::unix_at_zero(&clock), Origin::Live, &loaded);
     let options = args.recorder.options(&config.record);
     let recording = RecordingPart { path: args.output.clone(), header: header.clone(), options };
-    let session = LiveSession::start(Rig::Devices, config, &clock, &stop, Some(recording), None)?;
+    let recorder = RecorderPart { recording: Some(recording), ring: None };
+    let session = LiveSession::start(Rig::Devices, config, &clock, &stop, recorder, None)?;
     wait(args, &session, &stop);
-    let SessionEnd { sources, recording, undelivered, .. } = session.end();
+    let SessionEnd { sources, recordings, undelivered, .. } = session.end();
     if undelivered > 0 {
         tracing::error!(packets = undelivered, "packets did not reach the recording in time at the stop");
     }
-    let summary = recording.unwrap_or_default();
+    let summary = recordings.into_iter().next().unwrap_or_default();
     let report = report(&header, sources.sources, summary);
     output::report(&report, args.json, || text(&report))?;
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })

@@ -18,6 +18,7 @@ use super::{Failure, FaultArgs, InputArgs, Outcome, import, output, signals};
 use crate::config::{Loaded, show};
 use crate::decoding::Inputs;
 use crate::session::play::{Listener, play};
+use crate::session::run_info::RunInfo;
 use crate::session::serve::{About, Server};
 use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, lines::EpochLine};
 use crate::simulation::faults;
@@ -194,7 +195,8 @@ impl Sinks {
     fn open(args: &Args, loaded: &Loaded, inputs: &Inputs, pace: &Pace) -> Result<Self, Failure> {
         let unix_at_zero = inputs.epoch().unwrap_or_default();
         let session = session(inputs).unwrap_or_else(|| "replay".to_owned());
-        let about = About { session: &session, origin: origin(inputs), unix_at_zero };
+        let info = inputs.recording().map(|header| RunInfo::of_notes(&header.notes)).unwrap_or_default();
+        let about = About { session: &session, origin: origin(inputs), unix_at_zero, info: &info };
         let (server, publish) = if args.serve {
             let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive, pace.clock())?;
             (Some(server), publish)

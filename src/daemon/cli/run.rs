@@ -19,11 +19,13 @@ use super::record::RecorderArgs;
 use super::signals::{self, Signals};
 use super::{ConfigArgs, Failure, Outcome, output, render};
 use crate::config::{Loaded, show};
-use crate::control::{self, ControlServer};
+use crate::control::{self, ControlServer, Desk};
 use crate::quantity;
 use crate::session::chain::rig_digest;
-use crate::session::live::{self, CorePart, RecordingPart};
+use crate::session::live::{self, CorePart, RecorderPart, RecordingPart};
+use crate::session::recordings::Recordings;
 use crate::session::reload::{self, Change};
+use crate::session::run_info::{RunInfo, SharedRunInfo};
 use crate::session::serve::{About, Server};
 use crate::session::service;
 use crate::session::sources::SourcesEnd;
@@ -72,6 +74,15 @@ pub struct Args {
     record: Option<PathBuf>,
     #[command(flatten)]
     recorder: RecorderArgs,
+    /// What the run is called; it stands in recordings and is shown.
+    #[arg(long)]
+    name: Option<String>,
+    /// A remark of the same kind.
+    #[arg(long)]
+    note: Option<String>,
+    /// Who runs it.
+    #[arg(long)]
+    operator: Option<String>,
     /// End after this time, e.g. 60s, 2m.
     #[arg(long, value_parser = quantity::duration, value_name = "TIME")]
     duration: Option<Duration>,
@@ -104,9 +115,9 @@ pub struct RunReport {
     pub sensors: Vec<SensorHealth>,
     /// The sources, in the config's order.
     pub sources: Vec<SourceReport>,
-    /// The parts of the recording; empty: nothing was recorded.
+    /// The parts of the recordings, those that were ordered meanwhile among them; empty: nothing was recorded.
     pub recording: Vec<PathBuf>,
-    /// Why the recording ended by itself; null: it did not.
+    /// Why a recording ended by itself; null: none did.
     pub recording_stopped: Option<String>,
     /// The scene that was simulated; null: nothing was.
     pub simulation: Option<SimulationReport>,
@@ -161,17 +172,22 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(script) = simulated.as_ref().and_then(|rig| rig.faults.as_ref()) {
         faults::mark(script, &mut header);
     }
-    let about = About { session: &header.session, origin, unix_at_zero };
+    let info = RunInfo { name: args.name.clone(), note: args.note.clone(), operator: args.operator.clone() };
+    info.check().map_err(Failure::input)?;
+    info.add_to(&mut header.notes);
+    let about = About { session: &header.session, origin, unix_at_zero, info: &info };
     tracing::info!(session = %header.session, origin = origin.name(), rig = %loaded.config.name, "starting");
     let core_config = setup::core_config(&loaded.config)?;
     let interpreter = engine::interpreter(&loaded.config, false);
     let rig = rig_digest(&header.config, &header.files);
     let engine = Engine::new(core_config.clone(), rig, engine::workers(args.threads)?, interpreter);
+    let options = args.recorder.options(&loaded.config.record);
     let recording = args.record.as_ref().map(|path| RecordingPart {
         path: path.clone(),
         header: header.clone(),
-        options: args.recorder.options(&loaded.config.record),
+        options: options.clone(),
     });
+    let recorder = RecorderPart { recording, ring: Some(loaded.config.record.pretrigger) };
     let of_beat = clock.clone();
     let now = Box::new(move || Some(of_beat.now().rig));
     let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive, now)?;
@@ -179,10 +195,18 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let control = control.map_err(Failure::input)?.flatten();
     let core = CorePart { config: core_config, engine, publish };
     let rig = simulated.map_or(Rig::Devices, Rig::Simulated);
-    let session = LiveSession::start(rig, &loaded.config, &clock, &signals.stop, recording, Some(core))?;
-    let background_s = loaded.config.target.background_s;
-    let take_orders = |listener| ControlServer::start(listener, session.control().clone(), clock.clone(), background_s);
-    let control = control.map(take_orders).transpose().map_err(Failure::failed)?;
+    let session = LiveSession::start(rig, &loaded.config, &clock, &signals.stop, recorder, Some(core))?;
+    let info = SharedRunInfo::new(info.clone());
+    let desk = session.recorder().map(|recorder| {
+        let begun = (clock.clone(), signals.stop.clone());
+        let recordings = Recordings::new(recorder, (header.clone(), options), info.clone(), begun);
+        Desk::new(session.control().clone(), clock.clone(), loaded.config.target.background_s, recordings)
+    });
+    if let Some(desk) = &desk {
+        server.take_orders(desk.clone());
+    }
+    let take_orders = |(listener, desk)| ControlServer::start(listener, desk);
+    let control = control.zip(desk).map(take_orders).transpose().map_err(Failure::failed)?;
     service::ready();
     tracing::info!(origin = origin.name(), "running");
     // Where it listens is as it always is: no key was set.
@@ -192,7 +216,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         );
     }
     let reload = || args.load(scene.as_deref());
-    let timed_out = supervise(args, &reload, &session, &server, &signals, &clock, &mut loaded);
+    let timed_out = supervise(args, &reload, &session, &server, &signals, &clock, (&mut loaded, &info));
     service::stopping();
     if let Some(control) = control {
         control.stop();
@@ -229,7 +253,9 @@ impl Args {
             return ConfigArgs { config: self.config.clone(), settings: self.settings.clone() }.load();
         };
         let name = format!("{SCHEME}{}", scene.config.name);
-        let loaded = operators(scene, Path::new(&name), &self.settings)?;
+        // Nothing real can be ordered there; --set goes before it.
+        let settings = [&["stream.http_control=true".to_owned()], self.settings.as_slice()].concat();
+        let loaded = operators(scene, Path::new(&name), &settings)?;
         loaded.warnings.iter().for_each(render::warning);
         Ok(loaded)
     }
@@ -259,18 +285,19 @@ fn supervise(
     server: &Server,
     signals: &Signals,
     clock: &SessionClock,
-    loaded: &mut Loaded,
+    (loaded, info): (&mut Loaded, &SharedRunInfo),
 ) -> bool {
     let mut recording_told = false;
     loop {
-        session.look(server.clients());
+        session.look(server.clients(), &info.get());
         if signals.take_reload() {
             reread(reload(), session, clock, loaded);
         }
-        if let Some(reason) = session.recording_stopped().filter(|_| !recording_told) {
+        let stopped = session.recording_stopped();
+        if let Some(reason) = stopped.as_ref().filter(|_| !recording_told) {
             tracing::error!("the recording stopped, measuring goes on: {reason}");
-            recording_told = true;
         }
+        recording_told = stopped.is_some();
         let left = args.duration.map(|duration| duration.saturating_sub(session.started().elapsed()));
         if left.is_some_and(|left| left.is_zero()) {
             return true;
@@ -312,10 +339,13 @@ fn reread(next: Result<Loaded, Failure>, session: &LiveSession, clock: &SessionC
 fn report(about: &About<'_>, scene: Option<&Scene>, end: SessionEnd) -> Result<RunReport, Failure> {
     let core = end.core.ok_or_else(|| Failure::failed("the session had no core"))?;
     let SourcesEnd { sources, shortfall, faults } = end.sources;
-    let recording = end.recording.unwrap_or_default();
+    let recordings = end.recordings;
     let lost_here: u64 = sources.iter().map(SourceReport::lost_here).sum();
-    let not_recorded =
-        recording.counters.lost_total() + recording.lost_at_stop + recording.after_stop + recording.unrecordable;
+    let not_recorded: u64 = recordings
+        .iter()
+        .map(|one| one.counters.lost_total() + one.lost_at_stop + one.after_stop + one.unrecordable)
+        .sum();
+    let stopped = recordings.iter().find_map(|one| one.stopped.as_ref());
     let failed = sources.iter().any(|source| source.error.is_some());
     let simulation = scene.zip(shortfall).map(|(scene, left_out)| SimulationReport {
         scene: scene.config.name.clone(),
@@ -331,12 +361,12 @@ fn report(about: &About<'_>, scene: Option<&Scene>, end: SessionEnd) -> Result<R
         digest: core.checkpoint.outputs_digest(),
         checkpoint: core.checkpoint,
         sensors: core.sensors,
-        complete: lost_here + not_recorded + end.undelivered == 0 && recording.stopped.is_none() && !failed,
+        complete: lost_here + not_recorded + end.undelivered == 0 && stopped.is_none() && !failed,
         sources,
         simulation,
         faults: faults.asked_for,
-        recording: recording.parts,
-        recording_stopped: recording.stopped.map(|reason| reason.to_string()),
+        recording_stopped: stopped.map(ToString::to_string),
+        recording: recordings.into_iter().flat_map(|one| one.parts).collect(),
     })
 }
 

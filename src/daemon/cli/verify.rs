@@ -76,6 +76,10 @@ pub struct VerifyReport {
     pub verdict: Verdict,
     /// Checkpoints compared.
     pub checkpoints: u64,
+    /// Of them, those that hold the hash of the events alone: the recording began in mid-session, where the target was known
+    /// already, and what is computed anew begins without it.
+    #[serde(default)]
+    pub checkpoints_of_events: u64,
     /// Events of the ledger.
     pub events: u64,
     /// Epochs computed.
@@ -134,13 +138,13 @@ fn compute(reader: &mut Reader, engine: &mut Engine, comparison: &mut Comparison
     let progress = ProgressBar::new_spinner();
     while let Some(event) = reader.next() {
         let event = event.map_err(Failure::input)?;
-        comparison.recorded(reader.take_results().iter().filter_map(Checkpoint::from_message));
+        comparison.take(&mut *reader, engine);
         if let Some(checkpoint) = engine.step(&event).checkpoint {
             comparison.computed(checkpoint);
             progress.set_position(engine.checkpoint().events); // draws on a terminal only
         }
     }
-    comparison.recorded(reader.take_results().iter().filter_map(Checkpoint::from_message));
+    comparison.take(reader, engine);
     engine.finish();
     comparison.computed(engine.checkpoint());
     progress.finish_and_clear();
@@ -153,6 +157,8 @@ struct Comparison {
     recorded: std::collections::VecDeque<Checkpoint>,
     computed: std::collections::VecDeque<Checkpoint>,
     compared: u64,
+    /// Of them, those of the events alone.
+    of_events: u64,
     same_until: Option<i64>,
     difference: Option<FirstDifference>,
 }
@@ -161,6 +167,36 @@ struct Comparison {
 const WAITING: usize = 3_600;
 
 impl Comparison {
+    /// What the recording holds between the event that the engine had last and the next.
+    fn take(&mut self, reader: &mut Reader, engine: &Engine) {
+        let checkpoints = reader.take_results();
+        let checkpoints = checkpoints.iter().filter_map(Checkpoint::from_message);
+        let (of_events, whole): (Vec<_>, Vec<_>) = checkpoints.partition(Checkpoint::is_of_events_alone);
+        for recorded in of_events {
+            // Its witness wrote it right after its event.
+            let computed = engine.checkpoint().of_events_alone();
+            self.of_events += 1;
+            self.pair(&recorded, Some(&computed), recorded.differences(&computed));
+        }
+        self.recorded(whole.into_iter());
+    }
+
+    /// A recorded checkpoint beside the computed one of the same place.
+    fn pair(&mut self, recorded: &Checkpoint, computed: Option<&Checkpoint>, fields: Vec<&str>) {
+        self.compared += 1;
+        if fields.is_empty() {
+            self.same_until = Some(recorded.t_ns);
+        } else if self.difference.is_none() {
+            self.difference = Some(FirstDifference {
+                t_ns: recorded.t_ns,
+                same_until_ns: self.same_until,
+                fields: fields.into_iter().map(str::to_owned).collect(),
+                recorded: recorded.clone(),
+                computed: computed.cloned(),
+            });
+        }
+    }
+
     fn recorded(&mut self, checkpoints: impl Iterator<Item = Checkpoint>) {
         self.recorded.extend(checkpoints);
         self.compare();
@@ -181,30 +217,19 @@ impl Comparison {
                 self.computed.pop_front();
                 continue;
             }
-            let fields = recorded.differences(computed);
-            self.compared += 1;
-            if fields.is_empty() {
-                self.same_until = Some(recorded.t_ns);
-            } else if self.difference.is_none() {
-                let same_place = recorded.seq == computed.seq;
-                let fields = if same_place { fields } else { vec!["missing"] };
-                self.difference = Some(FirstDifference {
-                    t_ns: recorded.t_ns,
-                    same_until_ns: self.same_until,
-                    fields: fields.into_iter().map(str::to_owned).collect(),
-                    recorded: recorded.clone(),
-                    computed: same_place.then(|| computed.clone()),
-                });
-            }
-            if computed.seq == recorded.seq {
+            let (recorded, computed) = (recorded.clone(), computed.clone());
+            if recorded.seq == computed.seq {
+                self.pair(&recorded, Some(&computed), recorded.differences(&computed));
                 self.computed.pop_front();
+            } else {
+                self.pair(&recorded, None, vec!["missing"]);
             }
             self.recorded.pop_front();
         }
     }
 
     /// What was recorded beyond the last that was computed is missing.
-    fn finish(mut self) -> (u64, Option<FirstDifference>) {
+    fn finish(mut self) -> (u64, u64, Option<FirstDifference>) {
         if let (Some(recorded), None) = (self.recorded.pop_front(), &self.difference) {
             self.difference = Some(FirstDifference {
                 t_ns: recorded.t_ns,
@@ -214,12 +239,12 @@ impl Comparison {
                 computed: None,
             });
         }
-        (self.compared, self.difference)
+        (self.compared, self.of_events, self.difference)
     }
 }
 
 fn report(engine: &Engine, comparison: Comparison, info: &RecordingInfo) -> VerifyReport {
-    let (checkpoints, difference) = comparison.finish();
+    let (checkpoints, checkpoints_of_events, difference) = comparison.finish();
     let mut warnings = info.warnings();
     let verdict = match (&difference, checkpoints) {
         (Some(_), _) => Verdict::Different,
@@ -239,6 +264,7 @@ fn report(engine: &Engine, comparison: Comparison, info: &RecordingInfo) -> Veri
         verified_by: VERSION.to_owned(),
         verdict,
         checkpoints,
+        checkpoints_of_events,
         events: end.events,
         epochs: end.epochs,
         digest: end.outputs_digest(),
@@ -274,6 +300,9 @@ fn text(report: &VerifyReport) -> String {
             text + "  " + &counts
         }
         (Verdict::NothingToCompare, _) => format!("nothing to compare with: {counts}"),
+        _ if report.checkpoints_of_events > 0 => format!(
+            "match: {counts}  the events alone: the recording began in mid-session, and its replay acquires the target anew\n"
+        ),
         _ => format!("match: {counts}"),
     }
 }

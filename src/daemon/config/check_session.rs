@@ -5,6 +5,7 @@ use std::num::NonZeroU32;
 use std::path::Path;
 use std::time::Duration;
 
+use tumbled_io::recording::RingBound;
 use tumbled_model::Span;
 
 use super::check::{Rules, span_of_ms};
@@ -53,6 +54,7 @@ pub(super) fn stream(rules: &mut Rules<'_>, raw: &RawStream) -> Option<StreamCon
         unix: unix?,
         control: control?,
         http: http?,
+        http_control: raw.http_control,
         foxglove: foxglove?,
         telemetry: telemetry?,
         telemetry_kind: raw.telemetry_kind,
@@ -141,7 +143,28 @@ pub(super) fn record(rules: &mut Rules<'_>, raw: &RawRecord) -> Option<RecordCon
         rules.broken(&keys(&["record", "rotate_after"]), message, help);
     }
     let keep = NonZeroU32::new(raw.keep);
-    Some(RecordConfig { min_free: min_free?, rotate: rotate?, rotate_after: rotate_after?, keep })
+    let pretrigger = pretrigger(rules, raw);
+    Some(RecordConfig {
+        min_free: min_free?,
+        rotate: rotate?,
+        rotate_after: rotate_after?,
+        keep,
+        pretrigger: pretrigger?,
+    })
+}
+
+/// `None`: no time or size, or too much of it, reported.
+fn pretrigger(rules: &mut Rules<'_>, raw: &RawRecord) -> Option<RingBound> {
+    let span = quantity_of(rules, "pretrigger", &raw.pretrigger, quantity::duration);
+    let bytes = quantity_of(rules, "pretrigger_bytes", &raw.pretrigger_bytes, quantity::size);
+    let (span, bytes) = (span?.unwrap_or_default(), bytes?.unwrap_or_default());
+    if bytes > RecordConfig::MOST_PRETRIGGER {
+        let message = format!("`record.pretrigger_bytes` is {bytes}: at most 4 GiB of memory are kept");
+        rules.broken(&keys(&["record", "pretrigger_bytes"]), message, "write e.g. pretrigger_bytes = \"256MiB\"");
+        return None;
+    }
+    let span = Span(i64::try_from(span.as_nanos()).unwrap_or(i64::MAX));
+    Some(RingBound { span, bytes: usize::try_from(bytes).unwrap_or(usize::MAX) })
 }
 
 /// `Some(None)`: empty, not set. `None`: no quantity, reported.

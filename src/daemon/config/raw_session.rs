@@ -124,6 +124,8 @@ pub struct RawStream {
     pub control: String,
     /// Address and port of the operator's page and of the metrics; port 0 = any free port; empty: none.
     pub http: String,
+    /// Whether the operator's page may give orders (`POST /api/control`), from this machine alone.
+    pub http_control: bool,
     /// Address and port where viewers that speak the Foxglove protocol connect; port 0 = any free port; empty: none.
     pub foxglove: String,
     /// Where telemetry is sent, a UDP datagram for each state: address and port; empty: nowhere.
@@ -149,6 +151,7 @@ impl Default for RawStream {
             unix: DEFAULT_STREAM_SOCKET.to_owned(),
             control: DEFAULT_CONTROL_SOCKET.to_owned(),
             http: DEFAULT_HTTP.to_string(),
+            http_control: false,
             foxglove: "127.0.0.1:8765".to_owned(),
             telemetry: String::new(),
             telemetry_kind: TelemetryKinds::Epoch,
@@ -172,10 +175,21 @@ pub struct RawRecord {
     /// How many of the newest parts are kept; 0 = all.
     #[schemars(range(max = 1_000_000))]
     pub keep: u32,
+    /// How much of the past a running session keeps for `tumbled ctl snapshot`, e.g. 30s; empty: nothing.
+    pub pretrigger: String,
+    /// Memory for it, e.g. 256MiB: where the sensors send more, it reaches less far back. At most 4GiB.
+    pub pretrigger_bytes: String,
 }
 
 impl Default for RawRecord {
     fn default() -> Self {
-        Self { min_free: "1GiB".to_owned(), rotate: "4GiB".to_owned(), rotate_after: "10m".to_owned(), keep: 0 }
+        Self {
+            min_free: "1GiB".to_owned(),
+            rotate: "4GiB".to_owned(),
+            rotate_after: "10m".to_owned(),
+            keep: 0,
+            pretrigger: "30s".to_owned(),
+            pretrigger_bytes: "256MiB".to_owned(),
+        }
     }
 }

@@ -5,6 +5,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use tumbled_io::recording::RingBound;
 use tumbled_model::Span;
 
 use super::raw_session::{ClockMethod, TelemetryKinds};
@@ -41,6 +42,8 @@ pub struct StreamConfig {
     pub control: Option<UnixPath>,
     /// Where the operator's page and the metrics are served; port 0 = any free port.
     pub http: Option<SocketAddr>,
+    /// Whether orders are taken there, from this machine.
+    pub http_control: bool,
     /// Where viewers that speak the Foxglove protocol connect; port 0 = any free port.
     pub foxglove: Option<SocketAddr>,
     /// Where telemetry is sent.
@@ -76,9 +79,13 @@ pub struct RecordConfig {
     pub rotate_after: Option<Duration>,
     /// How many of the newest parts are kept; `None`: all.
     pub keep: Option<NonZeroU32>,
+    /// How much of the past is kept in memory while a session runs; nothing where either is 0.
+    pub pretrigger: RingBound,
 }
 
 impl RecordConfig {
     /// The smallest part, bytes: below, the parts' heads and ends would outweigh the data.
     pub const LEAST_ROTATE: u64 = 1 << 20;
+    /// The most of the past that is kept, bytes.
+    pub const MOST_PRETRIGGER: u64 = 4 << 30;
 }

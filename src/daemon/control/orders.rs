@@ -1,8 +1,12 @@
 //! What is asked on the control socket, and what is answered: a line of JSON each.
 
+use std::path::PathBuf;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_model::Command;
+
+use crate::session::run_info::RunInfo;
 
 /// How long the empty room may be learned, s.
 const LASTS_S: core::ops::RangeInclusive<f64> = 0.1..=600.0;
@@ -19,6 +23,28 @@ pub enum Order {
     ResetFilter,
     /// `text` stands in the recording at this instant.
     Marker,
+    /// What happens from now on is recorded, in `file`. A replay of it begins with the target unknown.
+    RecordStart,
+    /// The recording ends.
+    RecordStop,
+    /// The newest events, as many as `[record] pretrigger` keeps, are written to `file`, a recording of their own.
+    Snapshot,
+    /// What is given of `name`, `operator` and `text` (the note) is said of the run from now on.
+    Note,
+}
+
+impl Order {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::LearnBackground,
+        Self::ForgetBackground,
+        Self::ResetFilter,
+        Self::Marker,
+        Self::RecordStart,
+        Self::RecordStop,
+        Self::Snapshot,
+        Self::Note,
+    ];
 }
 
 /// A request.
@@ -31,9 +57,32 @@ pub struct OrderLine {
     /// For how long a background is learned, s, 0.1 to 600; left out: `target.background_s`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lasts_s: Option<f64>,
-    /// A marker's text, at most 1024 bytes.
+    /// A marker's or a note's text, at most 1024 bytes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
+    /// The file that is recorded: a name ending in `.mcap`, without a folder; left out: one by the date.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// The run's name, at most 1024 bytes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Who runs it, at most 1024 bytes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub operator: Option<String>,
+}
+
+/// A recording that was ordered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordingReply {
+    /// Its first part.
+    pub file: PathBuf,
+    /// Events in it so far.
+    pub events: u64,
+    /// Its size so far, bytes.
+    pub bytes: u64,
+    /// How much of the session it covers, s; 0 while it runs.
+    pub covers_s: f64,
 }
 
 /// The answer.
@@ -41,12 +90,15 @@ pub struct OrderLine {
 #[serde(tag = "class", rename_all = "UPPERCASE", deny_unknown_fields)]
 #[schemars(title = "tumbled control: answer")]
 pub enum Reply {
-    /// The order is in the ledger; the state stream's EVENT lines tell what comes of it.
+    /// The order is in the ledger, and the state stream's EVENT lines tell what comes of it; or it is carried out.
     Done {
         /// What was ordered.
         order: Order,
         /// When, ns on the session's timeline.
         t_ns: i64,
+        /// The recording that it was about; left out where it was about none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        recording: Option<RecordingReply>,
     },
     /// It is not.
     Error {
@@ -56,6 +108,16 @@ pub enum Reply {
 }
 
 impl OrderLine {
+    /// An order with nothing beside it.
+    pub const fn of(order: Order) -> Self {
+        Self { order, lasts_s: None, text: None, file: None, name: None, operator: None }
+    }
+
+    /// What it says of the run.
+    pub fn run_info(&self) -> RunInfo {
+        RunInfo { name: self.name.clone(), note: self.text.clone(), operator: self.operator.clone() }
+    }
+
     /// The order for the core; `background_s` is the config's.
     ///
     /// # Errors
@@ -79,6 +141,9 @@ impl OrderLine {
                     return Err(format!("a marker's text of {found} bytes: it has 1 to {most}"));
                 }
                 Ok(Command::Marker { text: text.into() })
+            }
+            Order::RecordStart | Order::RecordStop | Order::Snapshot | Order::Note => {
+                Err("this order is not for the core".to_owned())
             }
         }
     }

@@ -5,10 +5,10 @@ use std::os::unix::net::UnixStream;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tumbled_io::live::{ControlIntake, SessionClock, StopToken};
-use tumbled_model::Body;
+use tumbled_io::live::StopToken;
 
-use super::orders::{OrderLine, Reply};
+use super::desk::Desk;
+use super::orders::Reply;
 use super::socket::{ControlError, Listener};
 
 /// The longest request, bytes: a marker's text in escapes.
@@ -26,23 +26,17 @@ pub struct ControlServer {
 }
 
 impl ControlServer {
-    /// Takes orders from now on; `background_s` is the config's.
+    /// Takes orders from now on.
     ///
     /// # Errors
     /// No thread, no descriptor.
-    pub fn start(
-        listener: Listener,
-        control: ControlIntake,
-        clock: SessionClock,
-        background_s: f64,
-    ) -> Result<Self, ControlError> {
+    pub fn start(listener: Listener, desk: Desk) -> Result<Self, ControlError> {
         let stop = StopToken::new().map_err(ControlError::Start)?;
         let until = stop.clone();
         let work = move || {
-            let desk = Desk { control, clock, background_s };
             loop {
                 match listener.accept() {
-                    Ok(client) => drop(desk.serve(client)),
+                    Ok(client) => drop(serve(&desk, client)),
                     Err(_) if until.wait(LOOK_EVERY) => return,
                     Err(_) => {}
                 }
@@ -64,61 +58,32 @@ impl ControlServer {
     }
 }
 
-/// Where orders are taken.
-struct Desk {
-    control: ControlIntake,
-    clock: SessionClock,
-    background_s: f64,
-}
-
-impl Desk {
-    /// A client's requests, until it ends, says nothing for a while or says too much.
-    fn serve(&self, client: UnixStream) -> io::Result<()> {
-        client.set_nonblocking(false)?;
-        client.set_read_timeout(Some(PATIENCE))?;
-        client.set_write_timeout(Some(PATIENCE))?;
-        let begun = Instant::now();
-        let mut answers = client.try_clone()?;
-        let mut requests = BufReader::new(client);
-        while begun.elapsed() < PATIENCE {
-            let mut line = Vec::new();
-            let read = (&mut requests).take(MOST_LINE_BYTES).read_until(b'\n', &mut line)?;
-            if read == 0 {
-                return Ok(());
-            }
-            let is_whole = line.ends_with(b"\n");
-            let reply = if is_whole || (read as u64) < MOST_LINE_BYTES {
-                self.carry_out(&line)
-            } else {
-                Reply::Error { message: format!("a request has {MOST_LINE_BYTES} bytes at most") }
-            };
-            let mut text = serde_json::to_vec(&reply).map_err(io::Error::other)?;
-            text.push(b'\n');
-            answers.write_all(&text)?;
-            if !is_whole {
-                return Ok(());
-            }
+/// A client's requests, until it ends, says nothing for a while or says too much.
+fn serve(desk: &Desk, client: UnixStream) -> io::Result<()> {
+    client.set_nonblocking(false)?;
+    client.set_read_timeout(Some(PATIENCE))?;
+    client.set_write_timeout(Some(PATIENCE))?;
+    let begun = Instant::now();
+    let mut answers = client.try_clone()?;
+    let mut requests = BufReader::new(client);
+    while begun.elapsed() < PATIENCE {
+        let mut line = Vec::new();
+        let read = (&mut requests).take(MOST_LINE_BYTES).read_until(b'\n', &mut line)?;
+        if read == 0 {
+            return Ok(());
         }
-        Ok(())
-    }
-
-    fn carry_out(&self, line: &[u8]) -> Reply {
-        let read = serde_json::from_slice::<OrderLine>(line);
-        let request = match read {
-            Ok(request) => request,
-            Err(error) => return Reply::Error { message: format!("this is no order: {error}") },
+        let is_whole = line.ends_with(b"\n");
+        let reply = if is_whole || (read as u64) < MOST_LINE_BYTES {
+            desk.carry_out(&line)
+        } else {
+            Reply::Error { message: format!("a request has {MOST_LINE_BYTES} bytes at most") }
         };
-        let command = match request.command(self.background_s) {
-            Ok(command) => command,
-            Err(message) => return Reply::Error { message },
-        };
-        let arrived = self.clock.now().rig;
-        match self.control.post(arrived, Body::Command(command)) {
-            Ok(()) => {
-                tracing::info!(order = ?request.order, "an operator's order");
-                Reply::Done { order: request.order, t_ns: arrived.0 }
-            }
-            Err(error) => Reply::Error { message: error.to_string() },
+        let mut text = serde_json::to_vec(&reply).map_err(io::Error::other)?;
+        text.push(b'\n');
+        answers.write_all(&text)?;
+        if !is_whole {
+            return Ok(());
         }
     }
+    Ok(())
 }

@@ -65,6 +65,17 @@ impl Checkpoint {
         fields.into_iter().filter(|(_, same)| !same).map(|(name, _)| name).collect()
     }
 
+    /// With what follows from the events alone: of a recording that is not of the whole session.
+    pub fn of_events_alone(self) -> Self {
+        let nothing = String::new;
+        Self { epochs: 0, epoch: nothing(), state: nothing(), notice: nothing(), health: nothing(), ..self }
+    }
+
+    /// Whether it holds nothing of what came out.
+    pub fn is_of_events_alone(&self) -> bool {
+        [&self.epoch, &self.state, &self.notice, &self.health].iter().all(|hash| hash.is_empty())
+    }
+
     /// How checkpoints stand in a recording.
     pub fn kind() -> ResultKind {
         let schema = schemars::schema_for!(Self);

@@ -15,13 +15,15 @@ use tumbled_core::{CoreConfig, ScanBoundaries, SensorHealth};
 use tumbled_io::live::{ControlIntake, EventReceiver, Ledger, LedgerHandle, SessionClock, StopToken};
 use tumbled_io::recording::thread::ResultSink;
 use tumbled_io::recording::{
-    Origin, RecorderOptions, RecorderState, RecorderThread, RecordingHeader, RecordingSummary, StopReason,
+    Origin, RecorderDesk, RecorderOptions, RecorderState, RecorderThread, RecordingHeader, RecordingSummary, RingBound,
+    StopReason,
 };
 use tumbled_model::{Span, UnixNs};
 
 use super::chain::Checkpoint;
 use super::engine::Engine;
 use super::publish::Publish;
+use super::run_info::RunInfo;
 use super::service::{Status, Watchdog};
 use super::shell::{self, Facts};
 use super::sources::{self, Rig, RunningSources, SourcesEnd};
@@ -87,6 +89,15 @@ impl StopGuard {
     }
 }
 
+/// What of a session is recorded.
+#[derive(Default)]
+pub struct RecorderPart {
+    /// From its start on; `None`: nothing yet.
+    pub recording: Option<RecordingPart>,
+    /// How much of the past is kept; `None`: nothing is recorded later either.
+    pub ring: Option<RingBound>,
+}
+
 /// The recording of a session.
 pub struct RecordingPart {
     /// Its first part.
@@ -105,7 +116,7 @@ pub struct LiveSession {
     control: ControlIntake,
     ledger: LedgerHandle,
     sources: RunningSources,
-    recorder: Option<(RecorderThread, PathBuf)>,
+    recorder: Option<RecorderThread>,
     core: Option<JoinHandle<CoreEnd>>,
     facts: Facts,
 }
@@ -126,8 +137,8 @@ pub struct SessionEnd {
     pub sources: SourcesEnd,
     /// The core; `None`: there was none.
     pub core: Option<CoreEnd>,
-    /// The recording; `None`: there was none.
-    pub recording: Option<RecordingSummary>,
+    /// The recordings, in the order of their ends.
+    pub recordings: Vec<RecordingSummary>,
     /// Items that did not reach the ledger in time at the stop.
     pub undelivered: u64,
 }
@@ -143,26 +154,25 @@ impl LiveSession {
         config: &Config,
         clock: &SessionClock,
         stop: &StopToken,
-        recording: Option<RecordingPart>,
+        RecorderPart { recording, ring }: RecorderPart,
         core: Option<CorePart>,
     ) -> Result<Self, Failure> {
         let mut ledger = Ledger::live(clock.clone());
         let control = ledger.control();
         let opened = sources::open(rig, config, &mut ledger, clock, stop)?;
-        let recorder = match recording {
-            Some(RecordingPart { path, header, options }) => {
-                let recorder = import::create_with(&path, header, options)?;
-                let events = ledger.recorder();
-                Some((RecorderThread::start(recorder, events).map_err(Failure::failed)?, path))
-            }
-            None => None,
+        let recorder = recording.map(|part| import::create_with(&part.path, part.header, part.options)).transpose()?;
+        let recorder = if recorder.is_some() || ring.is_some() {
+            let started = RecorderThread::start_with(recorder, ring.unwrap_or_default(), ledger.recorder());
+            Some(started.map_err(Failure::failed)?)
+        } else {
+            None
         };
         let facts = Facts::default();
         let core = match core {
             Some(part) => {
                 let mut boundaries = ScanBoundaries::new(&part.config);
                 let events = ledger.core(Box::new(move |body| boundaries.begins(body)));
-                let results = recorder.as_ref().map(|(recorder, _)| recorder.results());
+                let results = recorder.as_ref().map(RecorderThread::results);
                 Some(spawn_core(part, events, results, facts.clone(), clock.clone())?)
             }
             None => None,
@@ -185,16 +195,22 @@ impl LiveSession {
 
     /// Why the recording stopped by itself; `None`: it did not, or there is none.
     pub fn recording_stopped(&self) -> Option<StopReason> {
-        match self.recorder.as_ref()?.0.status().state {
-            RecorderState::Stopped { reason } => Some(reason),
-            RecorderState::Recording => None,
+        let status = self.recorder.as_ref()?.status();
+        match status.state {
+            RecorderState::Stopped { reason } if status.path.is_some() => Some(reason),
+            _ => None,
         }
     }
 
     /// Events recorded and bytes written so far.
     pub fn recorded(&self) -> Option<(u64, u64)> {
-        let status = self.recorder.as_ref()?.0.status();
+        let status = self.recorder.as_ref()?.status();
         Some((status.recorded, status.file_bytes))
+    }
+
+    /// Where recordings are ordered; `None`: none can be.
+    pub fn recorder(&self) -> Option<RecorderDesk> {
+        self.recorder.as_ref().map(RecorderThread::desk)
     }
 
     /// Whether the core's thread is gone although nobody told it to end.
@@ -203,10 +219,11 @@ impl LiveSession {
     }
 
     /// Reads the facts of this moment for health. Call it a few times a second.
-    pub fn look(&self, clients: ClientTotals) {
-        let recorder = self.recorder.as_ref().map(|(recorder, path)| (recorder.status(), path.as_path()));
+    pub fn look(&self, clients: ClientTotals, info: &RunInfo) {
+        let recorder = self.recorder.as_ref().map(RecorderThread::status);
         let health = shell::look((self.started.elapsed(), self.clock.now().rig), &self.ledger, &self.sources, recorder);
-        self.facts.set(ShellHealth { stream: clients.into(), ..health });
+        let run = (!info.is_empty()).then(|| info.clone());
+        self.facts.set(ShellHealth { stream: clients.into(), run, ..health });
     }
 
     /// Ends it: sources first, then the ledger, so that everything they accepted goes through core and recorder. A thread
@@ -217,8 +234,8 @@ impl LiveSession {
         let sources = self.sources.join();
         let ledger = self.ledger.stop();
         let core = self.core.map(|core| core.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        let recording = self.recorder.map(|(recorder, _)| recorder.finish());
-        SessionEnd { sources, core, recording, undelivered: ledger.undelivered }
+        let recordings = self.recorder.map(RecorderThread::finish_all).unwrap_or_default();
+        SessionEnd { sources, core, recordings, undelivered: ledger.undelivered }
     }
 }
 

@@ -11,6 +11,7 @@
 //! * [`beat`]: predicted states between epochs, at a steady rate;
 //! * [`live`], [`sources`], [`kinects`]: a session on live sensors, started and ended in order; `standing`: how each source
 //!   stands; [`shell`], [`steps`]: the session's health;
+//! * [`recordings`], `witness`: recordings ordered meanwhile; [`run_info`]: what people say of a run;
 //! * [`reload`]: what of a config may change meanwhile; [`pace`]: how fast a recording is played.
 
 pub mod beat;
@@ -22,7 +23,9 @@ pub mod live;
 pub mod pace;
 pub mod play;
 pub mod publish;
+pub mod recordings;
 pub mod reload;
+pub mod run_info;
 pub mod serve;
 pub mod service;
 pub mod setup;
@@ -30,6 +33,7 @@ pub mod shell;
 pub mod sources;
 mod standing;
 pub mod steps;
+mod witness;
 
 pub use chain::Checkpoint;
 pub use engine::{Engine, Step};

@@ -4,8 +4,10 @@ use tumbled_model::{Frame, Iso, Rig, SensorId, UnixNs};
 
 use super::beat::{Beat, Listeners, Now};
 use super::publish::{Audience, Publish};
+use super::run_info::RunInfo;
 use crate::cli::Failure;
 use crate::config::Config;
+use crate::control::Desk;
 use crate::foxglove::{FoxgloveBridge, FoxgloveConfig, SensorPose};
 use crate::stream::{ClientTotals, Hello, StreamConfig, StreamOrigin, StreamServer};
 use crate::telemetry::{TelemetryOutlet, TelemetrySender, session_bytes};
@@ -20,6 +22,8 @@ pub struct About<'a> {
     pub origin: StreamOrigin,
     /// Wall time at rig time 0.
     pub unix_at_zero: UnixNs,
+    /// What people say of it.
+    pub info: &'a RunInfo,
 }
 
 /// The running state stream.
@@ -35,12 +39,14 @@ impl Server {
     /// # Errors
     /// An address or a path that cannot be had, or must not be for these data: exit code 2.
     pub fn start(config: &Config, about: About<'_>, allow_nonlive: bool, now: Now) -> Result<(Self, Publish), Failure> {
-        let hello = Hello::new(about.session, &config.name, about.origin, about.unix_at_zero);
+        let hello = Hello::new(about.session, &config.name, about.origin, about.unix_at_zero).of_run(about.info);
         let stream = StreamConfig::of(&config.stream, allow_nonlive);
         let stream = StreamServer::start(stream, &hello).map_err(Failure::input)?;
         let web = match config.stream.http {
-            Some(address) => WebServer::start(&WebConfig { address, allow_nonlive }, &hello, stream.publisher())
-                .map_err(Failure::input)?,
+            Some(address) => {
+                let web = WebConfig { address, allow_nonlive, control: config.stream.http_control };
+                WebServer::start(&web, &hello, stream.publisher()).map_err(Failure::input)?
+            }
             None => None,
         };
         let viewers = match config.stream.foxglove.filter(|_| cfg!(feature = "foxglove")) {
@@ -81,6 +87,13 @@ impl Server {
     /// The state stream's clients.
     pub fn clients(&self) -> ClientTotals {
         self.stream.clients()
+    }
+
+    /// The session runs: the page's orders go to this desk, where the config allows them.
+    pub fn take_orders(&self, desk: Desk) {
+        if let Some(web) = &self.web {
+            web.control().open(desk);
+        }
     }
 
     /// Ends it: clients take what waits for them, for a second at most.

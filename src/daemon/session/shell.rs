@@ -36,9 +36,9 @@ pub(super) fn look(
     (uptime, now): (Duration, RigNs),
     ledger: &LedgerHandle,
     sources: &RunningSources,
-    recorder: Option<(Status, &Path)>,
+    recorder: Option<Status>,
 ) -> ShellHealth {
-    let names: &[(&str, usize)] = match recorder {
+    let names: &[(&str, usize)] = match &recorder {
         Some(_) => &[("ledger -> recorder", RECORDER_QUEUE_BYTES), ("ledger -> core", CORE_QUEUE_BYTES)],
         None => &[("ledger -> core", CORE_QUEUE_BYTES)],
     };
@@ -51,7 +51,8 @@ pub(super) fn look(
         lost: source.lost_in_queue(),
     });
     let outlets = ledger.outlets().iter().zip(names).map(|(gauge, (name, bound))| outlet(gauge, name, *bound));
-    let recorder = recorder.map(|(status, path)| (recorder_health(&status, path), status));
+    let pretrigger_bytes = recorder.as_ref().map_or(0, |status| status.ring_bytes);
+    let recorder = recorder.and_then(|status| Some((recorder_health(&status, status.path.as_deref()?), status)));
     let mut reasons = recorder.as_ref().map(|(_, status)| reasons(status)).unwrap_or_default();
     let scene = sources.scene().map(|scene| {
         let left_out = scene.shortfall().report();
@@ -69,6 +70,7 @@ pub(super) fn look(
         memory_bytes: memory_bytes(),
         queues: queues.chain(outlets).collect(),
         shed_scans: ledger.shed_scans(),
+        pretrigger_bytes,
         recorder: recorder.map(|(health, _)| health),
         simulation: scene,
         ..ShellHealth::default()

@@ -12,6 +12,7 @@ use tumbled_model::{RigNs, UnixNs};
 use super::class::Class;
 use super::hello::StreamOrigin;
 use super::hub::ClientTotals;
+use crate::session::run_info::RunInfo;
 use crate::simulation::live::shortfall::ShortfallReport;
 
 /// Health, once a second.
@@ -75,6 +76,12 @@ pub struct ShellHealth {
     pub queues: Vec<QueueHealth>,
     /// Scans shed since the start because the core was behind. They are recorded all the same.
     pub shed_scans: u64,
+    /// What people say of the run; null: nothing.
+    #[serde(default)]
+    pub run: Option<RunInfo>,
+    /// What of the past is kept in memory for a snapshot, bytes.
+    #[serde(default)]
+    pub pretrigger_bytes: u64,
     /// The recorder; null when nothing is recorded.
     pub recorder: Option<RecorderHealth>,
     /// The scene whose sensors are simulated; null: nothing is simulated in real time.

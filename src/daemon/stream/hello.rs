@@ -7,6 +7,7 @@ use tumbled_model::UnixNs;
 use super::class::Class;
 use super::request::{FORMATS, RequestError};
 use crate::cli::VERSION;
+use crate::session::run_info::RunInfo;
 
 /// The protocol's number; it changes when a key is renamed or its meaning changes.
 pub const PROTOCOL: u32 = 1;
@@ -60,6 +61,9 @@ pub struct Hello {
     pub classes: Vec<Class>,
     /// The formats it sends them in.
     pub formats: Vec<String>,
+    /// What people said of the run as it began; left out: nothing. HEALTH tells what they say now.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<RunInfo>,
     /// What comes even when nothing happens, to those who subscribed to it.
     pub heartbeat: Heartbeat,
 }
@@ -127,8 +131,14 @@ impl Hello {
             },
             classes: Class::ALL.to_vec(),
             formats: FORMATS.map(str::to_owned).to_vec(),
+            run: None,
             heartbeat: Heartbeat { class: Class::Health, period_s: 1.0 },
         }
+    }
+
+    /// With what people say of the run.
+    pub fn of_run(self, info: &RunInfo) -> Self {
+        Self { run: (!info.is_empty()).then(|| info.clone()), ..self }
     }
 }
 

@@ -9,8 +9,9 @@
 //! * [`server`]: what is served where; `door`: how many are served, and for how long; `reply`: who may ask;
 //! * `pages`: the page's WebSocket.
 //!
-//! Nobody can order anything here, and whoever measures waits for no reader. For users: `docs/page.md`.
+//! * `control`: orders, which are taken only where the config says so; whoever measures waits for no reader. For users: `docs/page.md`.
 
+pub mod control;
 mod door;
 pub mod latest;
 pub mod metrics;
@@ -18,5 +19,6 @@ mod pages;
 mod reply;
 pub mod server;
 
+pub use control::ControlDoor;
 pub use latest::Latest;
 pub use server::{WebConfig, WebError, WebServer};

@@ -14,6 +14,9 @@ use axum::response::{IntoResponse, Response};
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
+/// The kind of an answer that programs read.
+pub(super) const JSON: &str = "application/json";
+
 /// Refuses what another web page asks for, and marks every answer.
 pub(super) async fn guard(request: Request, next: Next) -> Response {
     let mut response = match check(request.headers()) {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ws::{WebSocketUpgrade, rejection::WebSocketUpgradeRejection};
-use axum::extract::{ConnectInfo, State};
+use axum::extract::{ConnectInfo, DefaultBodyLimit, State};
 use axum::http::StatusCode;
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
@@ -17,9 +17,10 @@ use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 
+use super::control::{self, ControlDoor};
 use super::door::{Door, Peer};
 use super::latest::Latest;
-use super::reply::{guard, of_kind};
+use super::reply::{JSON, guard, of_kind};
 use super::{metrics, pages};
 use crate::config::DEFAULT_HTTP;
 use crate::stream::bind;
@@ -33,7 +34,6 @@ const VIEW: &str = include_str!("page/view.js");
 const PLOTS: &str = include_str!("page/plots.js");
 const SCRIPT: &str = include_str!("page/page.js");
 
-const JSON: &str = "application/json";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 const TEXT: &str = "text/plain; charset=utf-8";
 
@@ -53,6 +53,8 @@ pub struct WebConfig {
     pub address: SocketAddr,
     /// Whether data that are not live may be served beyond this machine.
     pub allow_nonlive: bool,
+    /// Whether orders are taken, from this machine.
+    pub control: bool,
 }
 
 /// Why it could not start.
@@ -84,12 +86,14 @@ pub struct WebServer {
     runtime: Option<Runtime>,
     address: SocketAddr,
     latest: Arc<Latest>,
+    control: Arc<ControlDoor>,
 }
 
 /// What answers are made of.
 #[derive(Clone, Debug)]
-struct Served {
+pub(super) struct Served {
     latest: Arc<Latest>,
+    pub(super) control: Arc<ControlDoor>,
     publisher: Publisher,
     version: Arc<str>,
 }
@@ -117,7 +121,13 @@ impl WebServer {
         let runtime =
             Builder::new_multi_thread().worker_threads(1).thread_name("web").enable_io().enable_time().build()?;
         let latest = Arc::new(Latest::default());
-        let served = Served { latest: Arc::clone(&latest), publisher, version: hello.version.as_str().into() };
+        let control = Arc::new(ControlDoor::new(config.control));
+        let served = Served {
+            latest: Arc::clone(&latest),
+            control: Arc::clone(&control),
+            publisher,
+            version: hello.version.as_str().into(),
+        };
         let door = {
             // Sockets are registered with the runtime that is entered.
             let _entered = runtime.enter();
@@ -130,7 +140,7 @@ impl WebServer {
             }
         });
         tracing::info!(http = %address, origin = hello.origin.name(), "operator's page at http://{address}/");
-        Ok(Some(Self { runtime: Some(runtime), address, latest }))
+        Ok(Some(Self { runtime: Some(runtime), address, latest, control }))
     }
 
     /// Where it listens, with the port that was chosen.
@@ -141,6 +151,11 @@ impl WebServer {
     /// What is to be told of each epoch and of health.
     pub fn latest(&self) -> Arc<Latest> {
         Arc::clone(&self.latest)
+    }
+
+    /// Where orders will go.
+    pub fn control(&self) -> &ControlDoor {
+        &self.control
     }
 
     /// Ends it; pages end with the state stream. Not to be called from an asynchronous task.
@@ -171,11 +186,17 @@ fn router(served: Served) -> Router {
         .route("/healthz", get(healthz))
         .route("/api/state", get(api_state))
         .route("/api/health", get(api_health))
+        .route("/api/control", get(control::report).post(control::order))
         .route("/metrics", get(metrics_text))
         .route("/ws", get(page_socket))
         .fallback(|| async {
-            of_kind(StatusCode::NOT_FOUND, TEXT, "there are /, /healthz, /api/state, /api/health, /metrics\n")
+            of_kind(
+                StatusCode::NOT_FOUND,
+                TEXT,
+                "there are /, /healthz, /api/state, /api/health, /api/control, /metrics\n",
+            )
         })
+        .layer(DefaultBodyLimit::max(control::BODY_BYTES))
         .layer(middleware::from_fn(guard))
         .with_state(served)
 }

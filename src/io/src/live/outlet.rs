@@ -226,7 +226,8 @@ fn take(state: &mut State) -> Option<Event> {
     Some(event)
 }
 
-fn cost(event: &Event) -> usize {
+/// What an event costs in memory, bytes: its payload or text, and its place in a queue.
+pub(crate) fn cost(event: &Event) -> usize {
     let text = match &event.body {
         Body::Config { toml } => toml.len(),
         Body::Command(Command::Marker { text }) => text.len(),

@@ -9,6 +9,7 @@
 //! * [`layout`]: channels, and how an event lies in a message;
 //! * [`header`], [`counters`]: what a part says of itself at its start and at its end; [`attached`]: the rig's files in it;
 //! * [`recorder`], [`storage`], [`thread`]: writing; [`results`]: what a session computed, beside the ledger;
+//! * [`ring`]: the newest events, kept in memory; [`excerpt`]: recordings of a part of a session;
 //! * [`reader`], [`info`]: reading, and what was lost;
 //! * [`digest`]: what an import was made from; [`difference`]: where two ledgers part.
 //!
@@ -20,6 +21,7 @@ pub mod counters;
 pub mod difference;
 pub mod digest;
 pub mod error;
+pub mod excerpt;
 pub mod header;
 pub mod info;
 pub mod layout;
@@ -27,6 +29,7 @@ pub mod reader;
 pub mod recorder;
 pub(crate) mod records;
 pub mod results;
+pub mod ring;
 pub mod storage;
 #[cfg(test)]
 mod tests;
@@ -37,6 +40,7 @@ pub use counters::{ChannelCount, Counters};
 pub use difference::{Difference, compare};
 pub use digest::{digest_of, import_session};
 pub use error::{ReadError, RecorderError, StopReason};
+pub use excerpt::{MidSession, Plan, Witness};
 pub use header::{HeaderFault, InputFile, Origin, RecordingHeader};
 pub use info::{PartEnd, PartInfo, RecordingInfo};
 pub use layout::{ChannelKey, ChannelKind};
@@ -44,5 +48,6 @@ pub use reader::{Reader, is_recording};
 pub use recorder::{CHUNK_BYTES, Recorder, RecorderOptions, RecorderState, RecordingSummary};
 pub use records::Damage;
 pub use results::{ResultKind, ResultMessage};
+pub use ring::{Excerpt, Ring, RingBound};
 pub use storage::{FileSystem, PartFile, Storage};
-pub use thread::{RecorderStatus, RecorderThread};
+pub use thread::{OrderError, RecorderDesk, RecorderStatus, RecorderThread};

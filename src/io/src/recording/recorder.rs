@@ -156,6 +156,11 @@ impl Recorder {
         Ok(recorder)
     }
 
+    /// The first part.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// What it is doing.
     pub fn state(&self) -> RecorderState {
         match &self.summary.stopped {
