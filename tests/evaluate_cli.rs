@@ -55,10 +55,19 @@ fn a_session_is_held_against_its_truth_and_its_turntable_and_reported() {
         assert!(page.contains(part), "{part}");
     }
     assert!(!page.contains("http") && !page.contains("NaN"));
-    // The encoder knows the angle alone.
-    let done = evaluate(&bench, &[&recording[..], &["--truth", "turntable", "--from", "0"]].concat());
-    assert_eq!(done.code, 0, "{}", done.stderr);
+    // The encoder knows the angle alone: no position, and nothing keeps its limit by not being known.
+    bench.file(
+        "limits.toml",
+        "[limits]\nrate_rms_dps = 5.0\naxis_rms_deg = 0.0\nposition_rms_mm = 1e6\nlost_share = 0.0\n",
+    );
+    let limited = ["--truth", "turntable", "--from", "0", "--limits", "limits.toml"];
+    let done = evaluate(&bench, &[&recording[..], &limited].concat());
+    assert_eq!(done.code, 3, "{}", done.stderr);
     let report: EvaluateReport = done.json();
+    let kept: Vec<(&str, bool)> = report.limits.iter().map(|check| (check.limit.as_str(), check.kept)).collect();
+    let expected = [("rate_rms_dps", true), ("axis_rms_deg", false), ("position_rms_mm", false), ("lost_share", true)];
+    assert_eq!(kept, expected, "{:?}", report.limits);
+    assert!(report.complete, "the inputs are whole all the same");
     let scored = report.scored.expect("scored");
     assert!(report.truth.name == "turntable turntable" && report.truth.samples > 130, "{:?}", report.truth);
     let turntable = scored.turntable.expect("a turntable");

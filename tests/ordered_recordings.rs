@@ -151,7 +151,8 @@ fn the_page_orders_where_the_config_allows_it_and_only_from_itself() {
     shut.signal("TERM");
     shut.finish();
 
-    let open = running(&bench, &["--set", "stream.http_control=true"]);
+    let limits = ["--set", "limits.lost_share=1", "--set", "limits.latency_p99_ms=0"];
+    let open = running(&bench, &[&["--set", "stream.http_control=true"][..], &limits].concat());
     let http = open.http.expect("a page");
     let (_, said) = ask(http, "GET", "", "");
     assert_eq!((&said["allowed"], &said["recording"]), (&json!(true), &Value::Null));
@@ -170,6 +171,11 @@ fn the_page_orders_where_the_config_allows_it_and_only_from_itself() {
     }
     let (status, said) = ask(http, "POST", JSON, "{\"order\":\"record_stop\"}");
     assert!(status == 200 && said["recording"]["bytes"].as_u64().is_some_and(|bytes| bytes > 0), "{said}");
+    send(&packets(2_000), open.data);
     open.signal("TERM");
-    assert_eq!(open.finish().code, Some(0));
+    let ended = open.finish();
+    let report: RunReport = serde_json::from_str(&ended.report).expect("a report");
+    assert!(report.latency_p99_ms.is_some_and(|ms| ms > 0.0), "{report:?}");
+    let kept: Vec<(&str, bool)> = report.limits.iter().map(|check| (check.limit.as_str(), check.kept)).collect();
+    assert_eq!((ended.code, kept), (Some(3), vec![("lost_share", true), ("latency_p99_ms", false)]));
 }

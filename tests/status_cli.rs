@@ -105,6 +105,7 @@ fn health() -> HealthLine {
         shed_scans: 2,
         run: None,
         pretrigger_bytes: 0,
+        watchdog_feeds: 0,
         recorder: Some(RecorderHealth {
             state: RecorderStatus::Recording,
             file: "run.mcap".to_owned(),

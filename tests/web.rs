@@ -102,6 +102,10 @@ fn a_monitoring_system_reads_health_states_and_metrics_and_other_web_pages_read_
     assert_eq!(value("tumbled_origin{origin=\"simulated\"}"), 1.0);
     assert!(value("tumbled_packets_total{sensor=\"near\"}") > 0.0);
     assert_eq!(value("tumbled_client_dropped_total"), 0.0);
+    let fused = value("tumbled_fusion_seconds_count");
+    assert!(fused > 0.0 && value("tumbled_fusion_seconds_bucket{le=\"+Inf\"}") == fused);
+    assert!(value("tumbled_fusion_seconds_sum") > 0.0 && value("tumbled_pretrigger_bytes") > 0.0);
+    assert_eq!(value("tumbled_watchdog_feeds_total"), 0.0, "no service manager started it");
     let all = value("tumbled_epoch_latency_seconds_count");
     assert!(all > 0.0 && value("tumbled_epoch_latency_seconds_bucket{le=\"+Inf\"}") == all);
 

@@ -26,6 +26,7 @@ pub mod evaluation;
 pub mod experiment;
 pub mod foxglove;
 pub mod geometry_file;
+pub mod limits;
 pub mod quantity;
 pub mod reconstruction;
 pub mod schema;

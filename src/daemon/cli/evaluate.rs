@@ -11,8 +11,10 @@ use super::experiment::write_report;
 use super::replay::origin;
 use super::{Failure, InputArgs, Outcome, VERSION, output, signals};
 use crate::decoding::Inputs;
+use crate::evaluation::report::Scored;
 use crate::evaluation::score::{self, From, Outcome as Found, Wanted};
 use crate::evaluation::{EvaluateReport, Gathered, page, report, text, truth};
+use crate::limits::{self, Limits};
 use crate::quantity;
 use crate::session::play::play;
 use crate::session::{Engine, Pace, Speed};
@@ -28,7 +30,7 @@ use crate::session::{Engine, Pace, Speed};
     mean error removed (gauge-free), and aligned in the first second. A turntable tells the angle about an axis that \
     nobody knows: only what turns about the estimate's own axis is compared.\n\
     With -o: report.json and report.html.\n\
-    Exit code 2: the truth is none, or of other times. 3: nothing was tracked, or the inputs are damaged."
+    Exit code 2: the truth is none, or of other times. 3: nothing was tracked, the inputs are damaged, or a limit is not kept."
 )]
 pub struct Args {
     #[command(flatten)]
@@ -44,6 +46,9 @@ pub struct Args {
     /// is scored from its first state on.
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = revolutions)]
     revolutions: f64,
+    /// Limits that the figures have to keep, a TOML file [default: the config's [limits]].
+    #[arg(long, value_name = "FILE.toml")]
+    limits: Option<PathBuf>,
     /// The folder for report.json and report.html; it is made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -77,6 +82,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let loaded = args.input.load()?;
     let by_turntable = args.truth == Path::new("turntable");
     // Before the work: a wrong file is told at once.
+    let limits = args.limits.as_deref().map(Limits::read).transpose()?.unwrap_or(loaded.config.limits);
     let samples = if by_turntable { Vec::new() } else { truth::read(&args.truth).map_err(Failure::input)? };
     if let Some(folder) = &args.output {
         fs::create_dir_all(folder)
@@ -123,6 +129,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         modes,
         reasons,
         first_tracking_s,
+        limits: limits.check(&against_limits(scored.as_ref(), &engine)),
         complete: finished && !inputs.data_lost() && scored.is_some(),
         scored,
         unscored,
@@ -133,5 +140,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         write_report(folder, &report, &page::evaluation(&report, &gathered, series.as_ref()))?;
     }
     output::report(&report, args.json, || text::report(&report))?;
-    Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
+    Ok(if report.complete && limits::all_kept(&report.limits) { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// What limits are held against: nothing scored keeps none of them.
+fn against_limits(scored: Option<&Scored>, engine: &Engine) -> Vec<(&'static str, Option<f64>)> {
+    const UNSCORED: [(&str, Option<f64>); 4] =
+        [("rate_rms_dps", None), ("axis_rms_deg", None), ("attitude_rms_deg", None), ("position_rms_mm", None)];
+    let mut found = scored.map_or(UNSCORED, Scored::against_limits).to_vec();
+    found.push(("lost_share", limits::lost_share(&engine.sensors())));
+    found
 }

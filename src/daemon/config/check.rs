@@ -59,6 +59,7 @@ pub(super) fn check_rules(
         filter: raw.filter,
         stream: stream?,
         record: record?,
+        limits: raw.limits,
     })
 }
 

@@ -46,6 +46,7 @@ pub use session::{
     DEFAULT_CONTROL_SOCKET, DEFAULT_HTTP, DEFAULT_STREAM_SOCKET, RecordConfig, StreamConfig, TimeConfig, UnixPath,
 };
 
+use crate::limits::Limits;
 use crate::target::SavedTarget;
 
 /// The commented default, as `tumbled config init` writes it.
@@ -102,6 +103,8 @@ pub struct Config {
     pub stream: StreamConfig,
     /// How recordings are written.
     pub record: RecordConfig,
+    /// What a run has to keep.
+    pub limits: Limits,
 }
 
 /// One Velodyne LiDAR.

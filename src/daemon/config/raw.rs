@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::raw_session::{RawFilter, RawRecord, RawStream, RawTime};
+use crate::limits::Limits;
 
 /// A rig: its sensors, where they are mounted, and what is measured. SI units unless a key's name says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -38,8 +39,8 @@ pub struct RawConfig {
     pub stream: RawStream,
     /// How recordings are written.
     pub record: RawRecord,
-    /// Limits of what is accepted. Has no keys in this version.
-    pub limits: RawNoKeys,
+    /// What a run has to keep: applied by `evaluate` and `run`, exit code 3 where it is not kept.
+    pub limits: Limits,
 }
 
 impl Default for RawConfig {
@@ -57,7 +58,7 @@ impl Default for RawConfig {
             filter: RawFilter::default(),
             stream: RawStream::default(),
             record: RawRecord::default(),
-            limits: RawNoKeys {},
+            limits: Limits::default(),
         }
     }
 }

@@ -21,6 +21,11 @@ pub fn evaluation(report: &EvaluateReport, gathered: &Gathered, series: Option<&
         escaped(&report.program),
         escaped(&text::epochs_line(report))
     );
+    for check in &report.limits {
+        let class = if check.kept { "good" } else { "bad" };
+        let line = crate::limits::lines(std::slice::from_ref(check));
+        body.push_str(&format!("<p class=\"{class}\">{}</p>", escaped(line.trim_end())));
+    }
     for warning in &report.warnings {
         body.push_str(&format!("<p class=\"bad\">{}</p>", escaped(warning)));
     }

@@ -7,6 +7,7 @@ use tumbled_core::estimate::{Mode, StateReason};
 use super::figures::{MeanSquare, TruthFigures, TurntableFigures};
 use super::gather::{Gathered, MODES};
 use crate::experiment::bounds::Share;
+use crate::limits::LimitCheck;
 use crate::stream::StreamOrigin;
 
 /// The states of a session held against the truth.
@@ -38,6 +39,9 @@ pub struct EvaluateReport {
     pub scored: Option<Scored>,
     /// Why nothing was scored. The exit code is then 3.
     pub unscored: Option<String>,
+    /// The limits that were asked for; where one is not kept, the exit code is 3.
+    #[serde(default)]
+    pub limits: Vec<LimitCheck>,
     /// Nothing of the inputs was missing, nothing stopped the run, and something was scored. Otherwise the exit code is 3.
     pub complete: bool,
     /// What a person should know.
@@ -112,6 +116,24 @@ pub struct Scored {
     pub pose: Option<TruthFigures>,
     /// Against a turntable's encoder; null: the truth is a file.
     pub turntable: Option<TurntableFigures>,
+}
+
+impl Scored {
+    /// What limits are held against.
+    pub fn against_limits(&self) -> [(&'static str, Option<f64>); 4] {
+        let pose = self.pose.as_ref();
+        let gauge_free = pose.and_then(|figures| figures.pose.first());
+        let turntable = self.turntable.as_ref();
+        let rate = pose.map(|figures| figures.rate_dps).or(turntable.map(|figures| figures.rate_dps));
+        let axis = pose.and_then(|figures| figures.axis_deg).or(turntable.map(|figures| figures.cone_deg));
+        let about = turntable.map(|figures| figures.about_axis_deg.rms);
+        [
+            ("rate_rms_dps", rate.map(|errors| errors.rms)),
+            ("axis_rms_deg", axis.map(|errors| errors.rms)),
+            ("attitude_rms_deg", gauge_free.map(|figures| figures.attitude_rms_deg).or(about)),
+            ("position_rms_mm", gauge_free.map(|figures| figures.position_rms_mm)),
+        ]
+    }
 }
 
 /// Epochs by mode, and by reason.

@@ -5,6 +5,7 @@ use tumbled_core::estimate::Mode;
 use super::figures::{Errors, MeanSquare, PoseFigures, SigmaOverRms};
 use super::report::{EvaluateReport, Scored, TruthClock};
 use crate::experiment::text::table;
+use crate::limits;
 
 /// The heading of [`motion`].
 pub const ERRORS: [&str; 5] = ["error", "r.m.s.", "mean", "largest", "last"];
@@ -143,5 +144,5 @@ pub fn report(report: &EvaluateReport) -> String {
         }
         (None, reason) => text.push_str(&format!("nothing scored: {}\n", reason.as_deref().unwrap_or("unknown"))),
     }
-    text
+    text + &limits::lines(&report.limits)
 }

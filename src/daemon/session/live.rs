@@ -5,6 +5,7 @@
 //!                             └─▶ core: engine ─▶ publish ───┘
 //! ```
 
+use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -27,7 +28,7 @@ use super::run_info::RunInfo;
 use super::service::{Status, Watchdog};
 use super::shell::{self, Facts};
 use super::sources::{self, Rig, RunningSources, SourcesEnd};
-use super::steps::StepTimes;
+use super::steps::{Histogram, StepTimes};
 use crate::cli::{Failure, VERSION, import};
 use crate::config::{Config, Loaded, show};
 use crate::stream::{ClientTotals, ShellHealth};
@@ -128,6 +129,8 @@ pub struct CoreEnd {
     pub checkpoint: Checkpoint,
     /// The sensors.
     pub sensors: Vec<SensorHealth>,
+    /// From an epoch's time to the hand-over of its state, 99th percentile to within 19 %, ms; `None`: no epochs.
+    pub latency_p99_ms: Option<f64>,
 }
 
 /// What a session was.
@@ -256,22 +259,30 @@ fn spawn_core(
     let work = move || {
         let times = Mutex::new(StepTimes::new());
         let steps = || times.lock().unwrap_or_else(PoisonError::into_inner);
-        let shell = || ShellHealth { steps: steps().report(), ..facts.get() };
+        let feeds = Cell::new(0);
+        let shell = || ShellHealth { steps: steps().report(), watchdog_feeds: feeds.get(), ..facts.get() };
+        let mut latencies = Histogram::default();
         let (mut watchdog, mut status) = (Watchdog::of_service(), Status::default());
         for event in events {
             let (began, begun) = (Instant::now(), clock.now().rig);
             let step = engine.step(&event);
             publish.step(&step, shell, Some((&clock, begun)));
+            let now = clock.now().rig;
+            for epoch in &step.outputs.epochs {
+                latencies.add(Duration::from_nanos(u64::try_from((now - epoch.t).0).unwrap_or_default()));
+            }
             step.checkpoint.iter().for_each(&record);
             steps().add(&event.body, began.elapsed());
             watchdog.alive();
+            feeds.set(watchdog.feeds());
             if let Some(health) = step.outputs.health.last() {
                 status.tell(health.reasons.iter().chain(&facts.get().reasons));
             }
         }
         publish.step(&engine.finish(), shell, None);
         publish.stop();
-        let end = CoreEnd { checkpoint: engine.checkpoint(), sensors: engine.sensors() };
+        let latency_p99_ms = latencies.known_percentile_ms(0.99);
+        let end = CoreEnd { checkpoint: engine.checkpoint(), sensors: engine.sensors(), latency_p99_ms };
         record(&end.checkpoint);
         end
     };

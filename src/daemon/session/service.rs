@@ -40,18 +40,25 @@ pub struct Watchdog {
     /// Fed so often; `None`: there is none.
     every: Option<Duration>,
     fed: Instant,
+    feeds: u64,
 }
 
 impl Watchdog {
     /// By `WATCHDOG_USEC`: it is fed four times in its period.
     pub fn of_service() -> Self {
-        Self { every: sd_notify::watchdog_enabled().map(|period| period / 4), fed: Instant::now() }
+        Self { every: sd_notify::watchdog_enabled().map(|period| period / 4), fed: Instant::now(), feeds: 0 }
+    }
+
+    /// How often it was fed.
+    pub fn feeds(&self) -> u64 {
+        self.feeds
     }
 
     /// The core has computed an event. Ticks come ten times a second, whatever the sensors do.
     pub fn alive(&mut self) {
         if self.every.is_some_and(|every| self.fed.elapsed() >= every) {
             self.fed = Instant::now();
+            self.feeds += 1;
             tell(&[NotifyState::Watchdog]);
         }
     }

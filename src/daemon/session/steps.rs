@@ -70,8 +70,9 @@ impl Default for StepTimes {
     }
 }
 
+/// Durations of a whole session.
 #[derive(Clone, Debug)]
-struct Histogram {
+pub(super) struct Histogram {
     buckets: [u32; BUCKETS],
     count: u64,
     max: Duration,
@@ -84,7 +85,7 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    fn add(&mut self, took: Duration) {
+    pub(super) fn add(&mut self, took: Duration) {
         let micros = took.as_secs_f64() * 1e6;
         let bucket = (micros.max(1.0).log2() * PER_OCTAVE as f64) as usize;
         self.buckets[bucket.min(BUCKETS - 1)] += 1;
@@ -98,6 +99,11 @@ impl Histogram {
         sum.count += other.count;
         sum.max = sum.max.max(other.max);
         sum
+    }
+
+    /// The percentile, if anything was added.
+    pub(super) fn known_percentile_ms(&self, share: f64) -> Option<f64> {
+        (self.count > 0).then(|| self.percentile_ms(share))
     }
 
     /// The upper bound of the bucket in which the percentile lies, and no more than the longest.

@@ -89,6 +89,9 @@ pub struct ShellHealth {
     pub simulation: Option<SimulationHealth>,
     /// Clients of the state stream.
     pub stream: StreamHealth,
+    /// How often the service manager's watchdog was fed; 0: there is none.
+    #[serde(default)]
+    pub watchdog_feeds: u64,
     /// How long the steps of the work take, over the last minute.
     pub steps: Vec<StepHealth>,
 }

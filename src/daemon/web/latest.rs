@@ -10,21 +10,24 @@ use crate::stream::{HealthLine, StateLine};
 /// Upper bounds of the latencies' classes, s; above the last one is the rest.
 pub const LATENCY_BOUNDS_S: [f64; 9] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0];
 
+/// The same of the core's work on an epoch, s.
+pub const FUSION_BOUNDS_S: [f64; 9] = [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.15, 0.3, 1.0];
+
 /// HEALTH comes once a second; after this the session hangs.
 pub const HEALTH_LATE: Duration = Duration::from_secs(5);
 
 /// Latencies of epochs since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Latencies {
-    /// Per class of [`LATENCY_BOUNDS_S`], each for itself, and the rest.
+    /// Per class of its bounds, each for itself, and the rest.
     pub counts: [u64; LATENCY_BOUNDS_S.len() + 1],
     /// Of all of them, s.
     pub sum_s: f64,
 }
 
 impl Latencies {
-    fn count(&mut self, latency_s: f64) {
-        let class = LATENCY_BOUNDS_S.iter().position(|bound| latency_s <= *bound).unwrap_or(LATENCY_BOUNDS_S.len());
+    fn count(&mut self, bounds_s: &[f64; LATENCY_BOUNDS_S.len()], latency_s: f64) {
+        let class = bounds_s.iter().position(|bound| latency_s <= *bound).unwrap_or(bounds_s.len());
         self.counts[class] += 1;
         self.sum_s += latency_s;
     }
@@ -39,6 +42,8 @@ pub struct Known {
     pub health: Option<(Duration, Arc<HealthLine>)>,
     /// How long epochs took; live only.
     pub latencies: Latencies,
+    /// How long the core worked on them; live only.
+    pub fusion: Latencies,
 }
 
 impl Known {
@@ -77,6 +82,7 @@ struct Inner {
     state: Option<Arc<StateLine>>,
     health: Option<(Instant, Arc<HealthLine>)>,
     latencies: Latencies,
+    fusion: Latencies,
 }
 
 impl Latest {
@@ -84,7 +90,8 @@ impl Latest {
     pub fn state(&self, line: StateLine) {
         let mut inner = self.lock();
         if let Some(delivery) = line.delivery {
-            inner.latencies.count(delivery.latency_ms.total * 1e-3);
+            inner.latencies.count(&LATENCY_BOUNDS_S, delivery.latency_ms.total * 1e-3);
+            inner.fusion.count(&FUSION_BOUNDS_S, delivery.latency_ms.compute * 1e-3);
         }
         inner.state = Some(Arc::new(line));
     }
@@ -98,7 +105,7 @@ impl Latest {
     pub fn known(&self) -> Known {
         let inner = self.lock();
         let health = inner.health.as_ref().map(|(came, line)| (came.elapsed(), Arc::clone(line)));
-        Known { state: inner.state.clone(), health, latencies: inner.latencies }
+        Known { state: inner.state.clone(), health, latencies: inner.latencies, fusion: inner.fusion }
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
@@ -115,7 +122,7 @@ mod tests {
     fn a_latency_is_counted_in_the_first_class_that_holds_it() {
         let mut latencies = Latencies::default();
         for latency_s in [0.02, 0.021, 5.0] {
-            latencies.count(latency_s);
+            latencies.count(&LATENCY_BOUNDS_S, latency_s);
         }
         assert_eq!(latencies.counts, [1, 1, 0, 0, 0, 0, 0, 0, 0, 1]);
         assert!((latencies.sum_s - 5.041).abs() < 1e-12);

@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use super::latest::{Known, LATENCY_BOUNDS_S, Latencies};
+use tumbled_core::turntable::TruthState;
+
+use super::latest::{FUSION_BOUNDS_S, Known, LATENCY_BOUNDS_S, Latencies};
 use crate::stream::{HealthLine, StateLine};
 
 /// What the text is served as.
@@ -27,7 +29,10 @@ pub fn text(known: &Known, version: &str) -> String {
     if let Some(state) = &known.state {
         target(&mut text, state);
     }
-    latencies(&mut text, &known.latencies);
+    let help = "From an epoch's time to the hand-over of its state; live only.";
+    histogram(&mut text, "epoch_latency_seconds", help, (&known.latencies, &LATENCY_BOUNDS_S));
+    let help = "The core's work on an epoch: registration, model and filter; live only.";
+    histogram(&mut text, "fusion_seconds", help, (&known.fusion, &FUSION_BOUNDS_S));
     text.0
 }
 
@@ -86,6 +91,7 @@ fn sensors(text: &mut Text, health: &HealthLine) {
             }
         }
     }
+    turntables(text, health);
     text.head("clock_state", "gauge", "1 for the state the device's clock is in.");
     for sensor in &health.core.sensors {
         if let Some(clock) = &sensor.clock {
@@ -96,6 +102,28 @@ fn sensors(text: &mut Text, health: &HealthLine) {
     for sensor in &health.core.sensors {
         for (reason, count) in &sensor.malformed {
             text.sample("malformed_total", &[("sensor", &sensor.id), ("reason", reason)], *count as f64);
+        }
+    }
+}
+
+/// The line to a turntable, and the truth it gives.
+fn turntables(text: &mut Text, health: &HealthLine) {
+    let found = || health.core.sensors.iter().filter_map(|sensor| Some((sensor, sensor.turntable.as_ref()?)));
+    text.head("serial_rtt_seconds", "gauge", "From a request to its answer, newest sample.");
+    for (sensor, turntable) in found() {
+        if let Some(half_ns) = turntable.half_rtt_ns {
+            text.sample("serial_rtt_seconds", &[("sensor", &sensor.id)], 2e-9 * half_ns as f64);
+        }
+    }
+    text.head("truth_age_seconds", "gauge", "Since the encoder's angle was last the truth.");
+    for (sensor, turntable) in found() {
+        // What is invalid has been so since an instant; what is not is as old as the newest data.
+        let age_ns = match turntable.invalid_since_ns {
+            Some(since_ns) => Some(health.t_ns - since_ns),
+            None => sensor.age_ns.filter(|_| matches!(turntable.truth, TruthState::Valid | TruthState::Stale)),
+        };
+        if let Some(age_ns) = age_ns {
+            text.sample("truth_age_seconds", &[("sensor", &sensor.id)], age_ns as f64 * 1e-9);
         }
     }
 }
@@ -118,6 +146,13 @@ fn shell(text: &mut Text, health: &HealthLine) {
     for queue in &shell.queues {
         text.sample("queue_dropped_total", &[("queue", &queue.name)], queue.lost as f64);
     }
+    text.one(
+        "watchdog_feeds_total",
+        "counter",
+        "Times the watchdog was fed; 0 outside of a service.",
+        shell.watchdog_feeds as f64,
+    );
+    text.one("pretrigger_bytes", "gauge", "Kept of the past, for a snapshot.", shell.pretrigger_bytes as f64);
     text.one(
         "shed_scans_total",
         "counter",
@@ -166,18 +201,18 @@ fn target(text: &mut Text, state: &StateLine) {
     }
 }
 
-fn latencies(text: &mut Text, latencies: &Latencies) {
-    let name = "epoch_latency_seconds";
-    text.head(name, "histogram", "From an epoch's time to the hand-over of its state; live only.");
+fn histogram(text: &mut Text, name: &str, help: &str, (found, bounds_s): (&Latencies, &[f64])) {
+    text.head(name, "histogram", help);
+    let bucket = format!("{name}_bucket");
     let mut below = 0;
-    for (count, bound) in latencies.counts.iter().zip(&LATENCY_BOUNDS_S) {
+    for (count, bound) in found.counts.iter().zip(bounds_s) {
         below += count;
-        text.sample("epoch_latency_seconds_bucket", &[("le", &bound.to_string())], below as f64);
+        text.sample(&bucket, &[("le", &bound.to_string())], below as f64);
     }
-    let all: u64 = latencies.counts.iter().sum();
-    text.sample("epoch_latency_seconds_bucket", &[("le", "+Inf")], all as f64);
-    text.sample("epoch_latency_seconds_sum", &[], latencies.sum_s);
-    text.sample("epoch_latency_seconds_count", &[], all as f64);
+    let all: u64 = found.counts.iter().sum();
+    text.sample(&bucket, &[("le", "+Inf")], all as f64);
+    text.sample(&format!("{name}_sum"), &[], found.sum_s);
+    text.sample(&format!("{name}_count"), &[], all as f64);
 }
 
 /// The text that grows.
