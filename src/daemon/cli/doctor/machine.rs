@@ -1,6 +1,8 @@
 //! The machine around the sensors: buffers, disk, clock, turntable.
 
+use std::io::Write;
 use std::path::Path;
+use std::time::Instant;
 
 use tumbled_io::live::udp::SMALL_RECEIVE_BUFFER_BYTES;
 use tumbled_io::live::{PortName, ReceiveBuffer, SerialTrouble, SourceWarning};
@@ -16,6 +18,9 @@ const RECORDED_BYTES_PER_S: u64 = 9_000_000;
 
 /// Less recording time than this is worth a word, s.
 const SHORT_RECORDING_S: u64 = 600;
+
+/// What the disk is tried with: a second and a half of recording, more than any drive's own cache swallows unnoticed for long.
+const TRIED_BYTES: usize = 16 << 20;
 
 /// The buffer the kernel grants a socket, against the one that is asked for.
 pub(super) fn receive_buffer(buffer: ReceiveBuffer) -> Finding {
@@ -65,6 +70,32 @@ fn space(free: u64, kept: u64) -> Finding {
     let message = format!("{} are free: about {minutes} minutes of a LiDAR and a Kinect", gigabytes(free));
     if seconds < SHORT_RECORDING_S {
         return Finding::warn(CHECK, message, "free space, or keep fewer parts (record.keep)");
+    }
+    Finding::ok(CHECK, message)
+}
+
+/// How fast the disk takes a recording: a file that has no name is written and brought to the medium, as a recorder does.
+pub(super) fn disk_speed(folder: &Path) -> Option<Finding> {
+    let mut file = tempfile::tempfile_in(folder).ok()?; // that nothing can be written there is told already
+    // Not zeros: some file systems do not write those.
+    let block: Vec<u8> = (0..1_u32 << 18).flat_map(|n| n.wrapping_mul(2_654_435_761).to_le_bytes()).collect();
+    let begun = Instant::now();
+    for _ in 0..TRIED_BYTES / block.len() {
+        file.write_all(&block).ok()?;
+    }
+    file.sync_data().ok()?;
+    Some(speed(TRIED_BYTES as f64 / begun.elapsed().as_secs_f64().max(1e-6)).of(folder.display()))
+}
+
+/// Bytes a second that a disk took.
+fn speed(bytes_per_s: f64) -> Finding {
+    const CHECK: &str = "disk";
+    let message = format!("it takes {:.0} MB/s, synced; a LiDAR and a Kinect make 9", bytes_per_s / 1e6);
+    // Half of it for other programs, and for what the 16 MiB did not show.
+    if bytes_per_s < 2.0 * RECORDED_BYTES_PER_S as f64 {
+        let remedy = "record to a faster disk with --folder and -o, or end what writes to it (`iostat -x 1` or `iotop` shows it): \
+                      what it is too slow for is missing in the recording";
+        return Finding::warn(CHECK, message, remedy);
     }
     Finding::ok(CHECK, message)
 }
@@ -159,6 +190,16 @@ mod tests {
             [Level::Fail, Level::Warn, Level::Warn, Level::Ok].map(|level| level as u8)
         );
         assert!(space(10_000_000_000, kept).message.contains("10.0 GB are free: about 16 minutes"));
+    }
+
+    #[test]
+    fn a_disk_is_judged_by_what_it_takes() {
+        assert_eq!([speed(17.9e6), speed(18.1e6)].map(|finding| finding.level), [Level::Warn, Level::Ok]);
+        let folder = tempfile::tempdir().expect("a folder");
+        let tried = disk_speed(folder.path()).expect("it may be written");
+        assert!(tried.message.starts_with("it takes ") && tried.subject.is_some(), "{tried:?}");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0, "nothing is left behind");
+        assert_eq!(disk_speed(Path::new("/nowhere/at/all")), None);
     }
 
     #[test]

@@ -6,7 +6,8 @@
 //!            ├▶ machine:   buffer, disk, clock, turntable ────────┤
 //!            └▶ listeners: where the state is told ───────────────┘
 //! ```
-//! Nothing is changed, and nothing is opened but the ports that a session would open and a Kinect that nobody uses.
+//! Nothing is changed, and nothing is opened but the ports that a session would open, a Kinect that nobody uses, and for a
+//! moment a file without a name.
 
 mod kinect;
 mod lidar;
@@ -97,6 +98,7 @@ fn around(config: &Config, folder: &Path, root: &Path) -> Vec<Finding> {
     let mut findings: Vec<Finding> = config.kinects.iter().flat_map(|kinect| kinect::check(kinect, root)).collect();
     findings.extend(config.turntable.as_ref().map(|turntable| machine::turntable(turntable, root)));
     findings.push(machine::disk(config, folder));
+    findings.extend(machine::disk_speed(folder));
     findings.push(machine::wall_clock(root));
     findings.extend(listeners::check(&config.stream));
     findings

@@ -12,7 +12,19 @@ pub struct DoctorReport {
     pub healthy: bool,
     /// The findings, one or more a check.
     pub findings: Vec<Finding>,
+    /// What no look from here tells, and what does.
+    #[serde(default)]
+    pub unseen: Vec<String>,
 }
+
+/// What it cannot see.
+const UNSEEN: [&str; 5] = [
+    "a firewall or a switch that drops packets on their way here: `tcpdump -ni INTERFACE udp port 2368` shows what arrives",
+    "whether a LiDAR's clock is locked to PPS and UTC: `tumbled status --json` shows it once a session runs",
+    "whether a calibration is of these very devices and of their mounting now: `tumbled calibrate extrinsic` on a new recording tells",
+    "what a turntable answers: its port is not opened, because that resets many a microcontroller",
+    "a disk that grows slow after minutes: tumbled_recording_dropped_total in /metrics counts what it cost",
+];
 
 /// One finding.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -82,7 +94,8 @@ impl Finding {
 impl DoctorReport {
     /// The report of these findings.
     pub(super) fn new(findings: Vec<Finding>) -> Self {
-        Self { healthy: findings.iter().all(|finding| finding.level != Level::Fail), findings }
+        let healthy = findings.iter().all(|finding| finding.level != Level::Fail);
+        Self { healthy, findings, unseen: UNSEEN.map(str::to_owned).to_vec() }
     }
 
     /// One line a finding, its remedy below it.
@@ -102,6 +115,10 @@ impl DoctorReport {
         }
         let count = |level| self.findings.iter().filter(|finding| finding.level == level).count();
         let (warnings, failures) = (count(Level::Warn), count(Level::Fail));
+        text.push_str("Not seen from here:\n");
+        for unseen in &self.unseen {
+            text.push_str(&format!("  {unseen}\n"));
+        }
         text.push_str(&match (warnings, failures) {
             (0, 0) => "Everything is as it should be.\n".to_owned(),
             (warnings, 0) => format!("Nothing fails; {warnings} to look at.\n"),

@@ -1,6 +1,6 @@
 //! The recorder on a thread of its own, behind the ledger's bounded way out for it.
 //!
-//! A recording may begin with the session, or later by [`RecorderThread::begin`]; meanwhile the newest events are kept in a
+//! A recording may begin with the session, or later by [`RecorderDesk::begin`]; meanwhile the newest events are kept in a
 //! [`Ring`], so that the past can be recorded too.
 
 use std::collections::VecDeque;
