@@ -126,7 +126,11 @@ fn a_recording_begun_in_mid_session_and_a_snapshot_replay_and_verify_from_their_
         assert_eq!(one.digest, other.digest);
         assert_eq!(one.digest, report.digest);
         assert_eq!(one.sensors[0].lost.total, 0);
-        let info = bench.run(&["info", file]);
+        let info = bench.run(&["info", file, "--html", "info.html"]);
+        let page = bench.read("info.html");
+        for part in ["spin 7", "Channels", "/lidar/front/packets", "could be read"] {
+            assert!(page.contains(part) && !page.contains("http"), "{part}");
+        }
         assert!(info.stdout.contains("name: spin 7") && info.stdout.contains("operator: Ada"), "{}", info.stdout);
         assert!(info.stdout.contains("background") && info.stdout.contains("begun_at_s"), "{}", info.stdout);
     }

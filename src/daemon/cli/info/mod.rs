@@ -5,7 +5,7 @@
 //!                     └─▶ kinect: decoder, steps, depths ──────────────────┴─▶ report ─▶ text │ JSON
 //! ```
 //!
-//! * [`report`]: what is reported, as machines get it; `text`: the same for people;
+//! * [`report`]: what is reported, as machines get it; `text`, `page`: the same for people;
 //! * `lidar`, `timeline`, `histogram`: one LiDAR followed; `lidar_report`, `hdl64e`: what came out of it;
 //! * `kinect`: one Kinect followed; `input`: what was left out of an input; [`recording`]: what a recording says of itself.
 
@@ -15,10 +15,13 @@ mod input;
 mod kinect;
 mod lidar;
 mod lidar_report;
+mod page;
 pub mod recording;
 pub mod report;
 mod text;
 mod timeline;
+
+use std::path::PathBuf;
 
 use tumbled_model::{Body, Event};
 
@@ -34,13 +37,16 @@ use report::{Absent, InfoReport, KinectReport, LidarReport, SensorKind, UsedConf
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  tumbled info drive.pcap\n  tumbled info drive.pcap dump/ --config rig.toml --json\n  \
-    tumbled info old.pcap --set lidar.model=vlp-16\n\n\
+    tumbled info old.pcap --set lidar.model=vlp-16\n  tumbled info run.mcap --html run.html\n\n\
     Exit code 3: part of an input could not be read. Packets that were lost before the capture, and payloads that are no \
     packets of the sensor, are the report's content and leave the exit code 0."
 )]
 pub struct Args {
     #[command(flatten)]
     input: InputArgs,
+    /// Write the report as a page too.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
@@ -58,6 +64,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         watch.event(&event);
     }
     let report = watch.report(&inputs, UsedConfig::new(&loaded, &args.input.config.settings));
+    if let Some(path) = &args.html {
+        output::file(path, page::html(&report))?;
+    }
     output::report(&report, args.json, || text::render(&report))?;
     Ok(if inputs.data_lost() { Outcome::Incomplete } else { Outcome::Fine })
 }
