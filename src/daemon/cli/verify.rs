@@ -301,7 +301,7 @@ fn text(report: &VerifyReport) -> String {
         }
         (Verdict::NothingToCompare, _) => format!("nothing to compare with: {counts}"),
         _ if report.checkpoints_of_events > 0 => format!(
-            "match: {counts}  the events alone: the recording began in mid-session, and its replay acquires the target anew\n"
+            "match: {counts}  the events alone: this is a part of a session, and its replay acquires the target anew\n"
         ),
         _ => format!("match: {counts}"),
     }

@@ -33,7 +33,7 @@ pub(super) fn html(report: &InfoReport) -> String {
             vec!["recorded by".to_owned(), recording.program.clone()],
         ];
         rows.extend(recording.notes.iter().map(|(key, value)| vec![key.clone(), value.clone()]));
-        add("Recording", &["", ""], rows);
+        add("Recording", &["what", "as recorded"], rows);
         let channels = recording.ledger.channels.iter().map(|channel| {
             vec![
                 channel.channel.clone(),
