@@ -43,8 +43,9 @@ fn a_live_session_its_replays_and_its_verification_agree_to_the_bit() {
     let live = report(&ended);
     assert!(live.complete && live.checkpoint.epochs > 10, "{live:?}");
     assert_eq!((live.sensors[0].received, live.sensors[0].lost.total), (3_200, 0));
+    // A machine that cannot keep up sheds whole scans and counts them; no point goes any other way.
     let fate = live.sensors[0].points;
-    assert_eq!((fate.decoded, fate.in_epochs), (3_200 * 384, 3_200 * 384));
+    assert_eq!((fate.decoded, fate.in_epochs + fate.shed), (3_200 * 384, 3_200 * 384));
 
     for arguments in [&["--threads", "1"][..], &["--threads", "2"], &["--threads", "4", "--speed", "8"]] {
         let replay = replayed(&bench, arguments);
