@@ -181,6 +181,8 @@ fn spawn_core(
         web: None,
         telemetry: None,
         beat: None,
+        surface: tumbled::session::surface::SurfaceTold::new(StreamOrigin::Simulated),
+        truth: None,
     };
     let unix_at_zero = UnixNs(START_UNIX_S * SECOND);
     let mut publish = Publish::new(StreamOrigin::Simulated, unix_at_zero, Some(audience));

@@ -18,7 +18,7 @@ fn hello_comes_first_and_says_what_the_numbers_mean() {
     let told: Hello = serde_json::from_str(&line).expect("a HELLO");
     assert_eq!(told, hello());
     let line: serde_json::Value = serde_json::from_str(&line).expect("JSON");
-    assert_eq!(line["classes"], json!(["HELLO", "STATE", "HEALTH", "CLOUD", "POINT", "SIGMA", "EVENT", "ERROR"]));
+    assert_eq!(line["classes"], json!(Class::ALL.map(Class::name)));
     assert_eq!((&line["origin"], &line["unix_ns"]), (&json!("simulated"), &json!("1795341600000000000")));
     assert_eq!((&line["seq"], &line["dropped"]), (&json!(0), &json!(0)));
 }
@@ -74,7 +74,7 @@ fn an_unknown_class_is_answered_with_those_there_are_and_the_client_stays() {
     client.send("{\"subscribe\":[\"CLOUD\",\"PONIT\"]}\r\n\n");
     let error = client.next();
     assert_eq!((&error["code"], &error["closing"]), (&json!("unknown_class"), &json!(false)));
-    assert_eq!(error["supported"], json!(["HELLO", "STATE", "HEALTH", "CLOUD", "POINT", "SIGMA", "EVENT", "ERROR"]));
+    assert_eq!(error["supported"], json!(Class::ALL.map(Class::name)));
     assert!(error["message"].as_str().is_some_and(|message| message.contains("PONIT")));
     assert!(!server.publisher().wants(Class::Cloud), "nothing of a refused request is carried out");
     client.subscribe(&server, &[Class::Cloud], None);

@@ -149,6 +149,17 @@ pub fn outputs() -> Vec<Published> {
         Published { file: "docs/schema/stream-point.schema.json", schema: schema_for!(Sent<stream::PointLine>) },
         Published { file: "docs/schema/stream-sigma.schema.json", schema: schema_for!(Sent<stream::SigmaLine>) },
         Published { file: "docs/schema/stream-cloud.schema.json", schema: schema_for!(Sent<stream::CloudLine>) },
+        Published { file: "docs/schema/stream-model.schema.json", schema: schema_for!(Sent<stream::ModelLine>) },
+        Published { file: "docs/schema/stream-contour.schema.json", schema: schema_for!(Sent<stream::ContourLine>) },
+        Published { file: "docs/schema/stream-truth.schema.json", schema: schema_for!(Sent<stream::TruthLine>) },
+        Published {
+            file: "docs/schema/transport-order.schema.json",
+            schema: schema_for!(crate::session::transport::TransportOrder),
+        },
+        Published {
+            file: "docs/schema/transport.schema.json",
+            schema: schema_for!(crate::session::transport::TransportReport),
+        },
         Published { file: "docs/schema/config-show.schema.json", schema: schema_for!(ShowReport) },
     ]
 }

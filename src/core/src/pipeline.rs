@@ -198,6 +198,11 @@ impl Pipeline {
         self.estimator.tracker()
     }
 
+    /// How many targets were begun so far: the number of the newest, whose model [`Pipeline::tracker`] gives. 0: none was.
+    pub fn targets(&self) -> u32 {
+        self.estimator.targets()
+    }
+
     /// The target's points whose motion is to be told.
     pub fn points(&self) -> &[NamedPoint] {
         &self.config.estimate.points

@@ -20,6 +20,7 @@ use crate::decoding::Inputs;
 use crate::session::play::{Listener, play};
 use crate::session::run_info::RunInfo;
 use crate::session::serve::{About, Server};
+use crate::session::transport::Transport;
 use crate::session::{Checkpoint, Engine, Pace, Publish, Speed, Step, lines::EpochLine};
 use crate::simulation::faults;
 use crate::stream::{ShellHealth, StateLine, StreamOrigin};
@@ -56,6 +57,9 @@ pub struct Args {
     /// Serve the state stream while it lasts, as the config's [stream] says.
     #[arg(long)]
     serve: bool,
+    /// With --serve: stay at the end, so that it can be played again from the page; a signal ends it.
+    #[arg(long, requires = "serve")]
+    hold: bool,
     /// Serve it beyond this machine although it is not live.
     #[arg(long)]
     allow_nonlive: bool,
@@ -130,12 +134,23 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let loaded = args.input.load()?;
     let mut engine = Engine::of_config(&loaded, args.ignore_skips, args.threads)?;
-    let inputs = Inputs::open_ledger(&args.input.inputs, &loaded.config, args.threads)?;
-    let mut inputs = args.faults.inject(inputs, &loaded.config)?;
+    let open = || Inputs::open_ledger(&args.input.inputs, &loaded.config, args.threads);
+    let mut inputs = args.faults.inject(open()?, &loaded.config)?;
     let stop = signals::stop_token()?;
-    let mut pace = Pace::new(args.speed, stop);
-    let mut sinks = Sinks::open(args, &loaded, &inputs, &pace)?;
-    let finished = play(&mut inputs, &mut engine, &mut sinks, &mut pace)?;
+    let transport = Transport::new(args.speed, args.no_restart());
+    let mut pace = Pace::steered(transport.clone(), stop);
+    let mut sinks = Sinks::open(args, &loaded, &inputs, &pace, &transport)?;
+    let finished = loop {
+        let finished = play(&mut inputs, &mut engine, &mut sinks, &mut pace)?;
+        let again = if finished && args.hold { pace.rest() } else { transport.take_restart() };
+        if !again {
+            break finished;
+        }
+        // The same inputs through a new core: what is told at the end is of the last play.
+        engine = Engine::of_config(&loaded, args.ignore_skips, args.threads)?;
+        inputs = args.faults.inject(open()?, &loaded.config)?;
+        sinks.publish.begin_anew();
+    };
     sinks.close()?;
     let report = report(args, &inputs, &engine, finished);
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
@@ -147,6 +162,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         output::text(&text(&report))?;
     }
     Ok(if report.complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+impl Args {
+    /// Why the replay cannot begin anew: lines and recordings that were begun would have everything twice.
+    fn no_restart(&self) -> Option<&'static str> {
+        let writes = self.output.is_some() || self.epochs.is_some() || self.record.is_some();
+        writes.then_some("it writes a file (-o, --epochs or --record); replay without it")
+    }
 }
 
 /// Where the results go.
@@ -192,11 +215,24 @@ impl Listener for Sinks {
 }
 
 impl Sinks {
-    fn open(args: &Args, loaded: &Loaded, inputs: &Inputs, pace: &Pace) -> Result<Self, Failure> {
+    fn open(
+        args: &Args,
+        loaded: &Loaded,
+        inputs: &Inputs,
+        pace: &Pace,
+        transport: &Transport,
+    ) -> Result<Self, Failure> {
         let unix_at_zero = inputs.epoch().unwrap_or_default();
         let session = session(inputs).unwrap_or_else(|| "replay".to_owned());
         let info = inputs.recording().map(|header| RunInfo::of_notes(&header.notes)).unwrap_or_default();
-        let about = About { session: &session, origin: origin(inputs), unix_at_zero, info: &info };
+        let about = About {
+            session: &session,
+            origin: origin(inputs),
+            unix_at_zero,
+            info: &info,
+            scene: inputs.scene(),
+            transport: Some(transport),
+        };
         let (server, publish) = if args.serve {
             let (server, publish) = Server::start(&loaded.config, about, args.allow_nonlive, pace.clock())?;
             (Some(server), publish)

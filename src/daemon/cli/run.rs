@@ -185,7 +185,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let info = RunInfo { name: args.name.clone(), note: args.note.clone(), operator: args.operator.clone() };
     info.check().map_err(Failure::input)?;
     info.add_to(&mut header.notes);
-    let about = About { session: &header.session, origin, unix_at_zero, info: &info };
+    let about =
+        About { session: &header.session, origin, unix_at_zero, info: &info, scene: scene.as_ref(), transport: None };
     tracing::info!(session = %header.session, origin = origin.name(), rig = %loaded.config.name, "starting");
     let core_config = setup::core_config(&loaded.config)?;
     let interpreter = engine::interpreter(&loaded.config, false);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -242,7 +243,7 @@ impl Inputs {
     }
 
     /// The scene, when the input is a simulation.
-    pub fn scene(&self) -> Option<&Scene> {
+    pub fn scene(&self) -> Option<&Arc<Scene>> {
         match self.events() {
             Events::Simulated(ledger) => Some(ledger.scene()),
             Events::Data(_) | Events::Ledger(_) => None,

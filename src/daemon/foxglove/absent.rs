@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use serde::Serialize;
 
 use super::{FoxgloveConfig, FoxgloveError, SensorPose, ViewTotals};
-use crate::stream::{CloudView, EventLine, Hello};
+use crate::stream::{CloudView, ContourLine, EventLine, Hello, ModelView, StateLine};
 
 /// A bridge that cannot be: no value of this type exists.
 #[derive(Debug)]
@@ -37,6 +37,21 @@ impl FoxgloveBridge {
 
     /// Shows health.
     pub fn health(&mut self, _line: &impl Serialize, _unix_ns: i64) {
+        match *self {}
+    }
+
+    /// Shows the target's pose.
+    pub fn state(&mut self, _line: &StateLine, _unix_ns: i64) {
+        match *self {}
+    }
+
+    /// Whether its surface would be shown.
+    pub fn wants_surface(&self) -> bool {
+        match *self {}
+    }
+
+    /// Shows its surface.
+    pub fn surface(&self, _model: &ModelView<'_>, _contour: Option<&ContourLine>) {
         match *self {}
     }
 

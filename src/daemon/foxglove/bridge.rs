@@ -13,8 +13,9 @@ use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
 
 use super::messages::{log_line, log_time, point_cloud, transforms};
+use super::target::TargetChannels;
 use super::{FoxgloveConfig, FoxgloveError, SensorPose, ViewTotals};
-use crate::stream::{CloudView, EventLine, HealthLine, Hello, StreamOrigin, reach};
+use crate::stream::{CloudView, ContourLine, EventLine, HealthLine, Hello, ModelView, StateLine, StreamOrigin, reach};
 
 /// Messages that wait for one viewer; the oldest is dropped. Six seconds of clouds of one sensor, 20 MB at most.
 const BACKLOG: usize = 64;
@@ -36,6 +37,7 @@ pub struct FoxgloveBridge {
     address: SocketAddr,
     context: Arc<Context>,
     clouds: BTreeMap<String, CloudChannel>,
+    target: TargetChannels,
     tf: Channel<FrameTransforms>,
     tf_sent: Option<Instant>,
     health: Arc<RawChannel>,
@@ -66,6 +68,7 @@ impl FoxgloveBridge {
         let log = context.channel_builder("/log").build();
         let health = context.channel_builder("/health").message_encoding("json").schema(health_schema());
         let health = health.build_raw().map_err(start)?;
+        let target = TargetChannels::new(&context).map_err(start)?;
         let runtime = runtime().map_err(|error| FoxgloveError::Start(error.into()))?;
         let server = context
             .websocket_server()
@@ -85,6 +88,7 @@ impl FoxgloveBridge {
             address,
             context,
             clouds: BTreeMap::new(),
+            target,
             tf,
             tf_sent: None,
             health,
@@ -135,6 +139,21 @@ impl FoxgloveBridge {
             Ok(json) => self.health.log_with_meta(&json, PartialMetadata::with_log_time(log_time(unix_ns))),
             Err(error) => tracing::error!("health was not shown: it is no JSON: {error}"),
         }
+    }
+
+    /// Shows where the target is, at most 20 times a second: the line that the state stream sends. `unix_ns` is its time.
+    pub fn state(&mut self, line: &StateLine, unix_ns: i64) {
+        self.target.state(line, unix_ns, &self.tf);
+    }
+
+    /// Whether anybody looks at the target's surface or its contour: ask before making them.
+    pub fn wants_surface(&self) -> bool {
+        self.target.want_surface()
+    }
+
+    /// Shows the target's surface, and its contour if there is one.
+    pub fn surface(&self, model: &ModelView<'_>, contour: Option<&ContourLine>) {
+        self.target.surface(model, contour);
     }
 
     /// Shows an event in the viewer's log.

@@ -38,13 +38,18 @@ pub(super) fn point_cloud(cloud: &CloudView<'_>) -> PointCloud {
     PointCloud {
         timestamp: timestamp(cloud.unix.0),
         frame_id: cloud.frame.to_owned(),
-        pose: Some(Pose {
-            position: Some(Vector3 { x: 0.0, y: 0.0, z: 0.0 }),
-            orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
-        }),
+        pose: Some(identity()),
         point_stride: POINT_BYTES as u32,
         fields: vec![field("x", 0), field("y", 4), field("z", 8), field("intensity", 12)],
         data: data.into(),
+    }
+}
+
+/// No turn and no shift.
+pub(super) fn identity() -> Pose {
+    Pose {
+        position: Some(Vector3 { x: 0.0, y: 0.0, z: 0.0 }),
+        orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
     }
 }
 

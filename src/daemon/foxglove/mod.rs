@@ -3,6 +3,10 @@
 //! ```text
 //!   CloudView ──▶ /cloud/<id>   foxglove.PointCloud, at most 10 a second and sensor, at most 20 000 points
 //!   SensorPose ─▶ /tf           foxglove.FrameTransforms, rig to sensors, once a second
+//!   STATE ──────▶ /tf, /pose    rig to target; foxglove.PoseInFrame, at most 20 a second
+//!             └─▶ /state        JSON, with the covariance
+//!   ModelView ──▶ /model        foxglove.PointCloud in the target's frame, when it changed
+//!   CONTOUR ────▶ /contour      foxglove.SceneUpdate
 //!   HEALTH ─────▶ /health       JSON
 //!   EVENT ──────▶ /log          foxglove.Log
 //! ```
@@ -24,6 +28,8 @@ mod absent;
 mod bridge;
 #[cfg(feature = "foxglove")]
 mod messages;
+#[cfg(feature = "foxglove")]
+mod target;
 
 #[cfg(not(feature = "foxglove"))]
 pub use absent::FoxgloveBridge;

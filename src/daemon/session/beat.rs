@@ -75,6 +75,11 @@ impl Beat {
         let latest = Arc::new(Latest { predictor: predictor.clone(), unix_at_zero });
         self.shared.lock().latest = Some(latest);
     }
+
+    /// What is predicted with is of another play: nothing is, until the next is set.
+    pub fn clear(&self) {
+        self.shared.lock().latest = None;
+    }
 }
 
 impl Drop for Beat {

@@ -35,6 +35,11 @@ impl Step<'_> {
         self.newest.map(|state| self.pipeline.estimate_health(state))
     }
 
+    /// The model of the target after the newest epoch, with the target's number in the session; `None`: there is none.
+    pub fn model(&self) -> Option<(u32, &Tracker)> {
+        Some((self.pipeline.targets(), self.pipeline.tracker()?))
+    }
+
     /// The target's points whose motion is to be told.
     pub fn points(&self) -> &[NamedPoint] {
         self.pipeline.points()

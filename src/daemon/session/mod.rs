@@ -9,13 +9,16 @@
 //! * [`engine`], [`chain`]: the core with its hash chain, the same for every command; [`play`]: inputs through it;
 //! * [`publish`], [`serve`], [`lines`]: what came out, as lines of the stream, the log and files;
 //! * [`beat`]: predicted states between epochs, at a steady rate;
+//! * [`surface`], [`contour`]: the target's surface and its edges, for people;
 //! * [`live`], [`sources`], [`kinects`]: a session on live sensors, started and ended in order; `standing`: how each source
 //!   stands; [`shell`], [`steps`]: the session's health;
 //! * [`recordings`], `witness`: recordings ordered meanwhile; [`run_info`]: what people say of a run;
-//! * [`reload`]: what of a config may change meanwhile; [`pace`]: how fast a recording is played.
+//! * [`reload`]: what of a config may change meanwhile; [`pace`]: how fast a recording is played, [`transport`] by whose
+//!   orders.
 
 pub mod beat;
 pub mod chain;
+pub mod contour;
 pub mod engine;
 pub mod kinects;
 pub mod lines;
@@ -33,6 +36,8 @@ pub mod shell;
 pub mod sources;
 mod standing;
 pub mod steps;
+pub mod surface;
+pub mod transport;
 mod witness;
 
 pub use chain::Checkpoint;

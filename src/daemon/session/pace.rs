@@ -1,13 +1,13 @@
 //! How fast recorded events are played: it changes when they are seen, never what they are.
 
 use std::str::FromStr;
-use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tumbled_io::live::StopToken;
-use tumbled_model::{RigNs, Span};
+use tumbled_model::RigNs;
 
 use super::beat::Now;
+use super::transport::{Due, Transport};
 
 /// Rig seconds per second, or as fast as the machine can.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,36 +42,39 @@ pub enum Waited {
     Due,
     /// It has not come yet: wait again.
     NotYet,
-    /// The replay is to end.
+    /// The replay is to end, or to begin anew.
     Stopped,
 }
 
 /// Waits until each event's time has come.
 #[derive(Debug)]
 pub struct Pace {
-    speed: Speed,
-    /// Shared with the clock.
-    began: Arc<OnceLock<(Instant, RigNs)>>,
+    transport: Transport,
     stop: StopToken,
 }
 
 /// Shorter waits are left out: the next event makes up for them.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
+/// So soon an order is followed.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
 impl Pace {
     /// A pace that a stop interrupts.
     pub fn new(speed: Speed, stop: StopToken) -> Self {
-        Self { speed, began: Arc::default(), stop }
+        Self::steered(Transport::new(speed, None), stop)
     }
 
-    /// What time it is on the session's timeline as it is played; `None` before the first event, and without a pace.
+    /// A pace that follows the orders a transport is given.
+    pub fn steered(transport: Transport, stop: StopToken) -> Self {
+        Self { transport, stop }
+    }
+
+    /// What time it is on the session's timeline as it is played; `None` before the first event, while it is held, and
+    /// without a pace.
     pub fn clock(&self) -> Now {
-        let (speed, began) = (self.speed, Arc::clone(&self.began));
-        Box::new(move || {
-            let Speed::Times(times) = speed else { return None };
-            let (began, first) = began.get()?;
-            Some(*first + Span((began.elapsed().as_secs_f64() * times * 1e9) as i64))
-        })
+        let transport = self.transport.clone();
+        Box::new(move || transport.now())
     }
 
     /// Waits until it is time for an event that arrived at `arrived`, at most `at_most`.
@@ -79,24 +82,32 @@ impl Pace {
         if self.stop.is_stopped() {
             return Waited::Stopped;
         }
-        let Speed::Times(times) = self.speed else { return Waited::Due };
-        let (began, first) = *self.began.get_or_init(|| (Instant::now(), arrived));
-        let due_s = ((arrived - first).as_secs_f64() / times).clamp(0.0, 1e9);
-        let left = Duration::from_secs_f64(due_s).saturating_sub(began.elapsed());
-        if left < SHORTEST_WAIT {
-            Waited::Due
-        } else if self.stop.wait(left.min(at_most)) {
-            Waited::Stopped
-        } else if left <= at_most {
-            Waited::Due
-        } else {
-            Waited::NotYet
+        let left = match self.transport.due(arrived) {
+            Due::Now => return Waited::Due,
+            Due::Restart => return Waited::Stopped,
+            Due::After(left) if left < SHORTEST_WAIT => return Waited::Due,
+            Due::After(left) => left,
+            Due::Held => Duration::MAX,
+        };
+        if self.stop.wait(left.min(at_most).min(LOOK_EVERY)) { Waited::Stopped } else { Waited::NotYet }
+    }
+
+    /// Everything was played: waits until it is to begin anew, true, or to end.
+    pub fn rest(&mut self) -> bool {
+        self.transport.end();
+        while !self.transport.take_restart() {
+            if self.stop.wait(LOOK_EVERY) {
+                return false;
+            }
         }
+        true
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Instant;
+
     use super::*;
 
     #[test]
@@ -117,7 +128,7 @@ mod tests {
         assert_eq!(pace.wait(RigNs(5_000_000_000), minute), Waited::Due);
         // 200 ms at four times the speed, at most a millisecond early.
         assert_eq!(pace.wait(RigNs(5_200_000_000), Duration::from_millis(10)), Waited::NotYet);
-        assert_eq!(pace.wait(RigNs(5_200_000_000), minute), Waited::Due);
+        while pace.wait(RigNs(5_200_000_000), minute) == Waited::NotYet {}
         assert!(began.elapsed() >= Duration::from_millis(49));
         stop.stop();
         assert_eq!(pace.wait(RigNs(3_600_000_000_000), minute), Waited::Stopped);

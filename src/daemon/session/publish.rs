@@ -3,17 +3,19 @@
 use std::sync::Arc;
 
 use tumbled_core::estimate::{Mode, MountingReport, Predictor, StateReason, TargetState};
+use tumbled_core::evaluate::TruthSample;
 use tumbled_core::{CoreHealth, Epoch, Gravity, Notice, WallClock};
 use tumbled_io::live::SessionClock;
 use tumbled_model::{RigNs, SensorId, Span, UnixNs};
 
 use super::beat::Beat;
 use super::engine::Step;
+use super::surface::SurfaceTold;
 use crate::foxglove::FoxgloveBridge;
 use crate::stream::state::Delivery;
 use crate::stream::{
-    Ahead, Class, CloudLine, CloudView, EventLine, HealthLine, PointLine, Publisher, ShellHealth, SigmaLine, StateLine,
-    StreamOrigin,
+    Ahead, Class, CloudLine, CloudView, EventLine, HealthLine, ModelLine, PointLine, Publisher, ShellHealth, SigmaLine,
+    StateLine, StreamOrigin, TruthLine,
 };
 use crate::telemetry::{Telemetry, TelemetryOutlet};
 use crate::web::Latest;
@@ -46,6 +48,19 @@ pub struct Audience {
     pub telemetry: Option<TelemetryOutlet>,
     /// Those who want states between epochs.
     pub beat: Option<Beat>,
+    /// What was told of the target's surface.
+    pub surface: SurfaceTold,
+    /// Where a simulated target truly is; `None`: it is not simulated.
+    pub truth: Option<Truth>,
+}
+
+/// Where a simulated target truly is at a time; `None`: the scene has none then.
+pub struct Truth(pub Box<dyn Fn(RigNs) -> Option<TruthSample> + Send>);
+
+impl core::fmt::Debug for Truth {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Truth").finish_non_exhaustive()
+    }
 }
 
 impl Publish {
@@ -74,6 +89,7 @@ impl Publish {
             self.points(state, predictor, step);
         }
         self.newest(step);
+        self.surface(step);
         for notice in &step.outputs.notices {
             log(notice.gravity, notice.kind.name(), notice.t, &notice.message);
             self.event(notice, step.wall);
@@ -81,6 +97,18 @@ impl Publish {
         for health in &step.outputs.health {
             self.health(health, step, &shell);
         }
+    }
+
+    /// A replay begins anew: times go back to its start.
+    pub fn begin_anew(&mut self) {
+        self.mounting_alarm = false;
+        if let Some(beat) = self.audience.as_ref().and_then(|audience| audience.beat.as_ref()) {
+            beat.clear();
+        }
+        let message = "the replay begins anew: times go back to its start";
+        let times = (RigNs(0), self.unix_at_zero);
+        self.tell(&EventLine::new(self.origin, times, None, "restarted", Gravity::Info, message));
+        tracing::info!("{message}");
     }
 
     /// Ends predictions and the viewers' part; the stream's own server tells its clients.
@@ -111,14 +139,44 @@ impl Publish {
             telemetry.send(&Telemetry::of_epoch(state, unix));
         }
         let is_wanted = audience.stream.wants(Class::State);
-        if is_wanted || audience.web.is_some() {
+        if is_wanted || audience.web.is_some() || audience.viewers.is_some() {
             let line = StateLine::of_epoch(self.origin, state, unix).delivered(delivery);
             if is_wanted {
                 audience.stream.publish(Class::State, &line);
             }
+            if let Some(viewers) = &mut audience.viewers {
+                viewers.state(&line, unix.0);
+            }
             if let Some(web) = &audience.web {
                 web.state(line);
             }
+        }
+        if let Some(truth) = audience.truth.as_ref().filter(|_| audience.stream.wants(Class::Truth))
+            && let Some(sample) = (truth.0)(state.t)
+        {
+            audience.stream.publish(Class::Truth, &TruthLine::new(self.origin, state.epoch, &sample, unix));
+        }
+    }
+
+    /// The target's surface as of a step's newest epoch, where somebody looks at it and it is due.
+    fn surface(&mut self, step: &Step<'_>) {
+        let Some(state) = step.outputs.states.last() else { return };
+        let unix = self.unix(state.t, step.wall);
+        let Some(Audience { stream, viewers, surface, max_cloud_points, .. }) = &mut self.audience else { return };
+        let viewers = viewers.as_ref().filter(|viewers| viewers.wants_surface());
+        let (model, contour) = (stream.wants(Class::Model), stream.wants(Class::Contour));
+        if !model && !contour && viewers.is_none() {
+            return;
+        }
+        let Some(due) = surface.due(step, (state.epoch, state.t, unix)) else { return };
+        if model {
+            stream.publish(Class::Model, &ModelLine::new(self.origin, &due.model, *max_cloud_points));
+        }
+        if let Some(line) = due.contour.as_ref().filter(|_| contour) {
+            stream.publish(Class::Contour, line);
+        }
+        if let Some(viewers) = viewers {
+            viewers.surface(&due.model, due.contour.as_ref());
         }
     }
 

@@ -27,7 +27,7 @@ impl SimulatedLedger {
     }
 
     /// The scene.
-    pub fn scene(&self) -> &Scene {
+    pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 

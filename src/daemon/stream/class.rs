@@ -19,6 +19,12 @@ pub enum Class {
     Point,
     /// Where the uncertainty of the target's pose comes from.
     Sigma,
+    /// The target's surface as it is known so far, thinned out.
+    Model,
+    /// The edges of that surface.
+    Contour,
+    /// Where a simulated target truly is.
+    Truth,
     /// Something that happened once.
     Event,
     /// What the server has to say about a client's connection.
@@ -27,8 +33,19 @@ pub enum Class {
 
 impl Class {
     /// All of them, in the order they are listed to people.
-    pub const ALL: [Self; 8] =
-        [Self::Hello, Self::State, Self::Health, Self::Cloud, Self::Point, Self::Sigma, Self::Event, Self::Error];
+    pub const ALL: [Self; 11] = [
+        Self::Hello,
+        Self::State,
+        Self::Health,
+        Self::Cloud,
+        Self::Point,
+        Self::Sigma,
+        Self::Model,
+        Self::Contour,
+        Self::Truth,
+        Self::Event,
+        Self::Error,
+    ];
 
     /// The word on the wire.
     pub const fn name(self) -> &'static str {
@@ -39,6 +56,9 @@ impl Class {
             Self::Cloud => "CLOUD",
             Self::Point => "POINT",
             Self::Sigma => "SIGMA",
+            Self::Model => "MODEL",
+            Self::Contour => "CONTOUR",
+            Self::Truth => "TRUTH",
             Self::Event => "EVENT",
             Self::Error => "ERROR",
         }
@@ -59,14 +79,14 @@ impl Class {
         matches!(self, Self::State | Self::Cloud)
     }
 
-    const fn bit(self) -> u8 {
+    const fn bit(self) -> u16 {
         1 << self as u8
     }
 }
 
 /// A set of classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Classes(u8);
+pub struct Classes(u16);
 
 impl Classes {
     /// What a client gets that does not ask: STATE and HEALTH.
@@ -78,12 +98,12 @@ impl Classes {
     }
 
     /// The set as bits, for an atomic.
-    pub(super) const fn bits(self) -> u8 {
+    pub(super) const fn bits(self) -> u16 {
         self.0
     }
 
     /// The set of bits that [`Classes::bits`] gave.
-    pub(super) const fn of_bits(bits: u8) -> Self {
+    pub(super) const fn of_bits(bits: u16) -> Self {
         Self(bits)
     }
 }

@@ -133,7 +133,7 @@ impl CloudLine {
 }
 
 /// Rounded, so that a coordinate takes 5 or 6 characters instead of 10.
-fn to_millimetre(metres: f32) -> f32 {
+pub(super) fn to_millimetre(metres: f32) -> f32 {
     (metres * 1_000.0).round() / 1_000.0
 }
 

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use tumbled_model::UnixNs;
 
 use super::class::Class;
+use super::cloud::CloudKind;
 use super::request::{FORMATS, RequestError};
 use crate::cli::VERSION;
 use crate::session::run_info::RunInfo;
@@ -57,6 +58,9 @@ pub struct Hello {
     pub frames: Frames,
     /// The units of keys that do not name one.
     pub units: Units,
+    /// How the sensors stand and what they look at; empty: nobody says.
+    #[serde(default)]
+    pub sensors: Vec<SensorPlace>,
     /// The classes this server sends.
     pub classes: Vec<Class>,
     /// The formats it sends them in.
@@ -66,6 +70,22 @@ pub struct Hello {
     pub run: Option<RunInfo>,
     /// What comes even when nothing happens, to those who subscribed to it.
     pub heartbeat: Heartbeat,
+}
+
+/// How a sensor stands in the rig.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SensorPlace {
+    /// Its id.
+    pub id: String,
+    /// What it is.
+    pub kind: CloudKind,
+    /// Of its frame's origin, m, rig frame.
+    pub translation_m: [f64; 3],
+    /// Its axes in the rig, a unit quaternion x, y, z, w.
+    pub rotation_xyzw: [f64; 4],
+    /// A depth camera's view: where the image's corners are at 1 m depth, its own frame, without distortion; null: a LiDAR,
+    /// which looks all around.
+    pub corners_m: Option<[[f64; 3]; 4]>,
 }
 
 /// The frames and how their axes lie.
@@ -129,6 +149,7 @@ impl Hello {
                 time: "ns".to_owned(),
                 quaternion: "xyzw".to_owned(),
             },
+            sensors: Vec::new(),
             classes: Class::ALL.to_vec(),
             formats: FORMATS.map(str::to_owned).to_vec(),
             run: None,
@@ -139,6 +160,11 @@ impl Hello {
     /// With what people say of the run.
     pub fn of_run(self, info: &RunInfo) -> Self {
         Self { run: (!info.is_empty()).then(|| info.clone()), ..self }
+    }
+
+    /// With the sensors of a rig.
+    pub fn of_sensors(self, sensors: Vec<SensorPlace>) -> Self {
+        Self { sensors, ..self }
     }
 }
 

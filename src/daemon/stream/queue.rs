@@ -8,7 +8,7 @@
 //! Neither side waits for the other: the lock is held for a push or a pop, never over a write to the socket.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -23,7 +23,7 @@ use super::request::Request;
 #[derive(Debug)]
 pub(super) struct Queue {
     /// Beside the lock, so that asking what is wanted never waits.
-    subscribed: AtomicU8,
+    subscribed: AtomicU16,
     inner: Mutex<Inner>,
     /// A line came, or the end was told.
     ready: Notify,
@@ -97,7 +97,7 @@ impl Queue {
             ending: false,
         };
         Self {
-            subscribed: AtomicU8::new(Classes::UNASKED.bits()),
+            subscribed: AtomicU16::new(Classes::UNASKED.bits()),
             inner: Mutex::new(inner),
             ready: Notify::new(),
             cut: Notify::new(),

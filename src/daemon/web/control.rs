@@ -1,18 +1,18 @@
 //! Orders from the operator's page: the lines of the control socket, where the config allows it and from this machine alone.
 
-use std::net::IpAddr;
+use std::net::SocketAddr;
 use std::sync::OnceLock;
 
 use axum::body::Bytes;
 use axum::extract::{ConnectInfo, State};
 use axum::http::StatusCode;
-use axum::http::header::{CONTENT_TYPE, HeaderMap};
+use axum::http::header::HeaderMap;
 use axum::response::Response;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::door::Peer;
-use super::reply::{JSON, of_kind};
+use super::reply::{JSON, ORDERS_FROM_HERE, is_of_this_machine, of_kind, unread};
 use super::server::Served;
 use crate::control::{Desk, MOST_LINE_BYTES, Order, RecordingReply, Reply};
 
@@ -38,12 +38,12 @@ impl ControlDoor {
     }
 
     /// The desk, for a peer that may give orders.
-    fn desk(&self, peer: IpAddr) -> Result<&Desk, &'static str> {
+    fn desk(&self, peer: SocketAddr) -> Result<&Desk, &'static str> {
         if !self.allowed {
             return Err("no orders are taken here: [stream] http_control = true allows them; `tumbled ctl` gives them");
         }
-        if !peer.to_canonical().is_loopback() {
-            return Err("orders are taken from this machine alone");
+        if !is_of_this_machine(peer) {
+            return Err(ORDERS_FROM_HERE);
         }
         self.desk.get().ok_or("nothing can be ordered here: this is a replay, or the session has not begun")
     }
@@ -66,7 +66,7 @@ pub struct ControlReport {
 
 /// `GET /api/control`.
 pub(super) async fn report(State(served): State<Served>, ConnectInfo(Peer(peer)): ConnectInfo<Peer>) -> Response {
-    let report = match served.control.desk(peer.ip()) {
+    let report = match served.control.desk(peer) {
         Ok(desk) => {
             ControlReport { allowed: true, why: None, orders: Order::ALL.to_vec(), recording: desk.recording() }
         }
@@ -75,7 +75,7 @@ pub(super) async fn report(State(served): State<Served>, ConnectInfo(Peer(peer))
     answer(StatusCode::OK, &report)
 }
 
-/// `POST /api/control`. Its body must call itself JSON: a form of another web page cannot.
+/// `POST /api/control`.
 pub(super) async fn order(
     State(served): State<Served>,
     ConnectInfo(Peer(peer)): ConnectInfo<Peer>,
@@ -83,13 +83,12 @@ pub(super) async fn order(
     line: Bytes,
 ) -> Response {
     let refused = |status, message: String| answer(status, &Reply::Error { message });
-    let desk = match served.control.desk(peer.ip()) {
+    let desk = match served.control.desk(peer) {
         Ok(desk) => desk.clone(),
         Err(why) => return refused(StatusCode::FORBIDDEN, why.to_owned()),
     };
-    let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
-    if kind.split(';').next().map(str::trim) != Some(JSON) {
-        return refused(StatusCode::UNSUPPORTED_MEDIA_TYPE, format!("send an order with Content-Type: {JSON}"));
+    if let Some((status, why)) = unread(&headers) {
+        return refused(status, why.to_owned());
     }
     // A snapshot takes as long as the disk does: not on the thread that serves the page.
     match tokio::task::spawn_blocking(move || desk.carry_out(&line)).await {
@@ -114,9 +113,9 @@ mod tests {
 
     #[test]
     fn a_door_that_is_shut_says_why_to_each() {
-        let here: IpAddr = "127.0.0.1".parse().expect("an address");
-        let there: IpAddr = "192.168.1.5".parse().expect("an address");
-        let mapped: IpAddr = "::ffff:127.0.0.1".parse().expect("an address");
+        let here: SocketAddr = "127.0.0.1:50000".parse().expect("an address");
+        let there: SocketAddr = "192.168.1.5:50000".parse().expect("an address");
+        let mapped: SocketAddr = "[::ffff:127.0.0.1]:50000".parse().expect("an address");
         let why = |door: &ControlDoor, peer| door.desk(peer).err().unwrap_or_default();
         assert!(why(&ControlDoor::default(), here).contains("http_control = true"));
         let allowed = ControlDoor::new(true);

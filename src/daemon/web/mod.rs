@@ -7,9 +7,9 @@
 //!
 //! * [`latest`]: what answers are made of; [`metrics`]: the text for a monitoring system;
 //! * [`server`]: what is served where; `door`: how many are served, and for how long; `reply`: who may ask;
-//! * `pages`: the page's WebSocket.
+//! * `pages`: the page's WebSocket; `transport`: a replay is steered.
 //!
-//! * `control`: orders, which are taken only where the config says so; whoever measures waits for no reader. For users: `docs/page.md`.
+//! Orders are taken only where the config says so (`control`), and whoever measures waits for no reader. For users: `docs/page.md`.
 
 pub mod control;
 mod door;
@@ -18,6 +18,7 @@ pub mod metrics;
 mod pages;
 mod reply;
 pub mod server;
+mod transport;
 
 pub use control::ControlDoor;
 pub use latest::Latest;

@@ -17,6 +17,10 @@ const PREDICTED_PERIOD: Duration = Duration::from_millis(100);
 /// Between two clouds of a sensor.
 const CLOUD_PERIOD: Duration = Duration::from_millis(450);
 
+/// What a page shows.
+const SHOWN: [Class; 8] =
+    [Class::State, Class::Health, Class::Cloud, Class::Event, Class::Point, Class::Model, Class::Contour, Class::Truth];
+
 /// Where a line's first keys end at the latest: class, origin, kind or epoch and sensor.
 const HEAD_BYTES: usize = 200;
 
@@ -25,7 +29,7 @@ const SENSORS: usize = 32;
 
 /// Serves a page until it leaves, does not read or the daemon ends.
 pub(super) async fn serve(mut socket: WebSocket, address: IpAddr, publisher: Publisher) {
-    let classes = [Class::State, Class::Health, Class::Cloud, Class::Event, Class::Point].into_iter().collect();
+    let classes = SHOWN.into_iter().collect();
     let request = Request { subscribe: Some(classes), period: None };
     match publisher.join(address, &request) {
         Ok(client) => lines(&mut socket, client).await,
@@ -73,6 +77,7 @@ impl Pace {
             Class::State => ("predicted".to_owned(), PREDICTED_PERIOD),
             Class::Cloud => (format!("cloud of {}", value(&head, "\"sensor\":\"")), CLOUD_PERIOD),
             Class::Point => ("point".to_owned(), PREDICTED_PERIOD),
+            Class::Truth => ("truth".to_owned(), PREDICTED_PERIOD),
             _ => return true,
         };
         let is_due = self.sent.get(&key).is_none_or(|sent| now.duration_since(*sent) >= period);

@@ -1,6 +1,6 @@
 //! Who may ask, and what every answer says about itself.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 
 use axum::extract::Request;
 use axum::http::StatusCode;
@@ -13,6 +13,9 @@ use axum::response::{IntoResponse, Response};
 /// The page loads nothing from elsewhere, and nobody shows it within a page of theirs.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// Why others than [`is_of_this_machine`] order nothing.
+pub(super) const ORDERS_FROM_HERE: &str = "orders are taken from this machine alone";
 
 /// The kind of an answer that programs read.
 pub(super) const JSON: &str = "application/json";
@@ -52,6 +55,18 @@ fn is_own(host: &str) -> bool {
     };
     let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
     port.chars().all(|digit| digit.is_ascii_digit()) && (name == "localhost" || name.parse::<IpAddr>().is_ok())
+}
+
+/// Whether a peer is of this machine: only such a one may order anything.
+pub(super) fn is_of_this_machine(peer: SocketAddr) -> bool {
+    peer.ip().to_canonical().is_loopback()
+}
+
+/// Why an order with these headers is not read: its body must call itself JSON, which a form of another web page cannot.
+pub(super) fn unread(headers: &HeaderMap) -> Option<(StatusCode, &'static str)> {
+    let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+    let is_json = kind.split(';').next().map(str::trim) == Some(JSON);
+    (!is_json).then_some((StatusCode::UNSUPPORTED_MEDIA_TYPE, "send an order with Content-Type: application/json"))
 }
 
 /// An answer of a kind.

@@ -21,8 +21,9 @@ use super::control::{self, ControlDoor};
 use super::door::{Door, Peer};
 use super::latest::Latest;
 use super::reply::{JSON, guard, of_kind};
-use super::{metrics, pages};
+use super::{metrics, pages, transport};
 use crate::config::DEFAULT_HTTP;
+use crate::session::transport::Transport;
 use crate::stream::bind;
 use crate::stream::reach::{self, NonLive};
 use crate::stream::{Hello, Publisher};
@@ -35,7 +36,7 @@ const PLOTS: &str = include_str!("page/plots.js");
 const SCRIPT: &str = include_str!("page/page.js");
 
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
-const TEXT: &str = "text/plain; charset=utf-8";
+pub(super) const TEXT: &str = "text/plain; charset=utf-8";
 
 /// What a page may send at once, bytes: it sends nothing.
 const MESSAGE_BYTES: usize = 4 * 1024;
@@ -92,6 +93,8 @@ pub struct WebServer {
 /// What answers are made of.
 #[derive(Clone, Debug)]
 pub(super) struct Served {
+    /// The hold on a replay.
+    pub(super) transport: Option<Transport>,
     latest: Arc<Latest>,
     pub(super) control: Arc<ControlDoor>,
     publisher: Publisher,
@@ -99,12 +102,17 @@ pub(super) struct Served {
 }
 
 impl WebServer {
-    /// Binds and serves what `publisher` publishes to pages, and what [`WebServer::latest`] is told to programs. `None`:
-    /// the default address is taken, which has been told.
+    /// Binds and serves what `publisher` publishes to pages, and what [`WebServer::latest`] is told to programs; pages steer
+    /// a replay by `transport`. `None`: the default address is taken, which has been told.
     ///
     /// # Errors
     /// [`WebError`]: the address cannot be had, or must not be for these data.
-    pub fn start(config: &WebConfig, hello: &Hello, publisher: Publisher) -> Result<Option<Self>, WebError> {
+    pub fn start(
+        config: &WebConfig,
+        hello: &Hello,
+        publisher: Publisher,
+        transport: Option<Transport>,
+    ) -> Result<Option<Self>, WebError> {
         let address = config.address;
         reach::check("the operator's page", address, hello.origin, config.allow_nonlive)?;
         let listener = match bind::listen(address, BACKLOG) {
@@ -123,6 +131,7 @@ impl WebServer {
         let latest = Arc::new(Latest::default());
         let control = Arc::new(ControlDoor::new(config.control));
         let served = Served {
+            transport,
             latest: Arc::clone(&latest),
             control: Arc::clone(&control),
             publisher,
@@ -187,13 +196,14 @@ fn router(served: Served) -> Router {
         .route("/api/state", get(api_state))
         .route("/api/health", get(api_health))
         .route("/api/control", get(control::report).post(control::order))
+        .route("/api/transport", get(transport::report).post(transport::order))
         .route("/metrics", get(metrics_text))
         .route("/ws", get(page_socket))
         .fallback(|| async {
             of_kind(
                 StatusCode::NOT_FOUND,
                 TEXT,
-                "there are /, /healthz, /api/state, /api/health, /api/control, /metrics\n",
+                "there are /, /healthz, /api/state, /api/health, /api/control, /api/transport, /metrics\n",
             )
         })
         .layer(DefaultBodyLimit::max(control::BODY_BYTES))
@@ -217,7 +227,7 @@ async fn api_health(State(served): State<Served>) -> Response {
 }
 
 /// A line, or null before the first.
-fn json(line: Option<&impl Serialize>) -> Response {
+pub(super) fn json(line: Option<&impl Serialize>) -> Response {
     let status = if line.is_some() { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
     match serde_json::to_string(&line) {
         Ok(text) => of_kind(status, JSON, text + "\n"),

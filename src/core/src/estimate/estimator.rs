@@ -120,6 +120,11 @@ impl Estimator {
         }
     }
 
+    /// How many targets were begun.
+    pub(crate) fn targets(&self) -> u32 {
+        self.targets
+    }
+
     /// Takes over a changed config: the target is acquired anew, for its place in the rig may be another one.
     /// What was learned of the empty room stays while the sensors stand where they stood; nothing is learned anew. Returns
     /// whether a room was forgotten.

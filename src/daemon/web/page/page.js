@@ -26,6 +26,7 @@ function begin(hello) {
   const [text, name] = ORIGINS[hello.origin] || ["UNKNOWN", "waiting"];
   setText("origin", text, name);
   document.title = `${text} – tumbled`;
+  view.sensors = hello.sensors || [];
   setText("rig", hello.rig);
   setText("session", `session ${hello.session.slice(0, 8)}, version ${hello.version}`);
   wait = 500;
@@ -64,6 +65,9 @@ function onLine(line) {
   const handlers = {
     HELLO: begin, STATE: onState, HEALTH: onHealth, EVENT: onEvent,
     CLOUD: (cloud) => view.clouds.set(cloud.sensor, { at: performance.now(), xyz: cloud.xyz_m }),
+    MODEL: (model) => { view.model = model; },
+    CONTOUR: (contour) => { view.contour = contour; },
+    TRUTH: (truth) => { view.truth = truth; },
     POINT: (point) => (point.position_m ? view.points.set(point.name, point.position_m) : view.points.delete(point.name)),
     ERROR: (error) => setText("link", error.message, "off"),
   };
@@ -132,6 +136,10 @@ function showState() {
   const cone = spin ? View.cone(spin) : null;
   const widened = cone && cone.factor > 1 ? `, drawn ${cone.factor} times wider` : "";
   setText("cone", cone ? `Spin axis with its cone of uncertainty: 3σ = ${digits(cone.half, 2)}°${widened}. Body axes: x red, y green, z blue.` : "No spin axis yet.");
+  setText("surface", surfaceWords(view.model, view.contour));
+  const truth = document.getElementById("truth");
+  truth.hidden = !view.truth; document.querySelector("[data-shows=truth]").hidden = !view.truth;
+  if (view.truth) setText("truth", truthWords(view.truth, spin));
   const names = [...view.clouds.keys()].sort();
   const legend = document.getElementById("legend");
   const words = `${names.join()}|${[...view.points.keys()].join()}`;
@@ -142,11 +150,21 @@ function showState() {
       dot.style.setProperty("background", `var(--c${index % 3})`);
       return [dot, name];
     }));
+    const dot = document.createElement("i");
+    dot.style.setProperty("background", "var(--model)");
+    legend.append(dot, "model");
     if (view.points.size) legend.append(` · points: ${[...view.points.keys()].join(", ")}`);
   }
 }
 
 document.getElementById("reset").onclick = () => view.reset();
+for (const button of document.querySelectorAll("[data-shows]")) {
+  button.onclick = () => {
+    const name = button.dataset.shows;
+    view.shows[name] = !view.shows[name];
+    button.setAttribute("aria-pressed", String(view.shows[name]));
+  };
+}
 const fit = document.getElementById("fit");
 fit.onclick = () => { view.follows = !view.follows; };
 

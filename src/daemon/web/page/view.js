@@ -1,6 +1,8 @@
 "use strict";
 // The scene in three dimensions: WebGL2, or a plain canvas where there is none. Rig frame, z up, m.
 const CLOUD_KEPT_MS = 3000;
+// A frustum is drawn so deep, m.
+const FRUSTUM_M = 0.6;
 
 const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -98,13 +100,15 @@ class View {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     this.painter = gl ? new GlPainter(gl) : new FlatPainter(canvas.getContext("2d"));
     this.clouds = new Map(); this.points = new Map();
+    this.sensors = []; this.model = null; this.contour = null; this.truth = null;
+    this.shows = { clouds: true, model: true, sensors: true, truth: true };
     this.state = null; this.follows = true; this.focus = [2.5, 0, 0.5];
     this.reset();
     this.listen();
   }
 
   reset() { this.yaw = 3.7; this.pitch = 0.35; this.distance = 3.2; this.follows = true; }
-  clear() { this.clouds.clear(); this.points.clear(); this.state = null; }
+  clear() { this.clouds.clear(); this.points.clear(); this.state = null; this.model = null; this.contour = null; this.truth = null; }
 
   listen() {
     const canvas = this.canvas;
@@ -153,7 +157,7 @@ class View {
   lists() {
     const now = performance.now(), lists = [];
     const names = [...this.clouds.keys()].sort();
-    for (const [sensor, cloud] of this.clouds) {
+    for (const [sensor, cloud] of this.shows.clouds ? this.clouds : []) {
       if (now - cloud.at > CLOUD_KEPT_MS) continue;
       const colour = [...rgb(`--c${names.indexOf(sensor) % 3}`), 1];
       lists.push({ kind: "points", size: 2.5, data: cloud.xyz.flatMap((p) => [...p, ...colour]) });
@@ -173,6 +177,9 @@ class View {
       }
     }
     const state = this.state;
+    if (this.shows.sensors) this.frusta(line);
+    if (this.shows.model) this.surface(state, line, lists);
+    if (this.shows.truth && this.truth) this.trueAxis(state, line);
     if (state && state.position_m && state.rotation_xyzw) {
       const axes = [[[1, 0, 0], [0.9, 0.2, 0.2, 1]], [[0, 1, 0], [0.2, 0.7, 0.25, 1]], [[0, 0, 1], [0.25, 0.45, 1, 1]]];
       for (const [axis, colour] of axes) {
@@ -182,6 +189,53 @@ class View {
     if (state && state.position_m && state.spin) this.spin(state, line, lists);
     lists.unshift({ kind: "lines", size: 1, data: lines });
     return lists;
+  }
+
+  // Each sensor where it stands: a depth camera's view as a frustum a part of the way to the target, a LiDAR as a ring.
+  frusta(line) {
+    const names = [...this.clouds.keys()].sort();
+    for (const { id, translation_m: at, rotation_xyzw: q, corners_m: corners } of this.sensors) {
+      const index = names.indexOf(id), colour = [...(index < 0 ? rgb("--soft") : rgb(`--c${index % 3}`)), 1];
+      if (corners) {
+        const far = corners.map((corner) => add(at, turned(q, corner), FRUSTUM_M));
+        far.forEach((corner, n) => { line(at, corner, colour); line(corner, far[(n + 1) % 4], colour); });
+      } else {
+        const rim = (n) => add(at, turned(q, [Math.cos((Math.PI * n) / 12), Math.sin((Math.PI * n) / 12), 0]), 0.12);
+        for (let n = 0; n < 24; n += 1) line(rim(n), rim(n + 1), colour);
+        line(at, add(at, turned(q, [0, 0, 1]), 0.12), colour);
+      }
+    }
+  }
+
+  // The surface that was put together so far, and its edges, where the target is now.
+  surface(state, line, lists) {
+    if (!state || !state.position_m || !state.rotation_xyzw) return;
+    const place = (p) => add(state.position_m, turned(state.rotation_xyzw, p));
+    const colour = rgb("--model");
+    if (this.model) {
+      // Lit from the eye: a side that faces it is bright.
+      const back = [Math.cos(this.pitch) * Math.cos(this.yaw), Math.cos(this.pitch) * Math.sin(this.yaw), Math.sin(this.pitch)];
+      const data = [];
+      this.model.xyz_m.forEach((p, n) => {
+        const light = dot(turned(state.rotation_xyzw, this.model.normals[n]), back);
+        if (light > 0) data.push(...place(p), ...colour.map((c) => c * (0.45 + 0.55 * light)), 1);
+      });
+      lists.push({ kind: "points", size: 3, data });
+    }
+    if (this.contour && (!this.model || this.contour.target === this.model.target)) {
+      for (const { kind, ends_m: [from, to] } of this.contour.edges) {
+        line(place(from), place(to), [...(kind === "crease" ? rgb("--ink") : rgb("--soft")), 1]);
+      }
+    }
+  }
+
+  // The true spin axis of a simulated target, dashed, through the place that was measured.
+  trueAxis(state, line) {
+    if (!this.truth.axis) return;
+    const from = state && state.position_m ? state.position_m : this.truth.position_m;
+    for (let n = -14; n < 14; n += 2) {
+      line(add(from, this.truth.axis, n * 0.1), add(from, this.truth.axis, (n + 1) * 0.1), [...rgb("--truth"), 1]);
+    }
   }
 
   spin(state, line, lists) {

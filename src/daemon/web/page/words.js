@@ -49,6 +49,25 @@ function bytes(count) {
   return `${value.toFixed(unit ? 1 : 0)} ${units[unit]}`;
 }
 
+// What is known of the target's surface.
+function surfaceWords(model, contour) {
+  if (!model) return "No model yet.";
+  const pieces = `Model of target ${model.target}: ${model.surfels_total} pieces of surface from ${model.frames} frames, ${model.xyz_m.length} drawn`;
+  if (!contour || contour.target !== model.target) return `${pieces}.`;
+  const creases = contour.edges.filter((edge) => edge.kind === "crease").length;
+  return `${pieces}; ${contour.planes} planes, ${creases} creases, ${contour.edges.length - creases} ends.`;
+}
+
+// How far what is measured lies from what is simulated.
+function truthWords(truth, spin) {
+  if (!truth.axis) return "Simulated truth: it does not turn.";
+  const told = `Simulated truth (dashed): ${digits(truth.rate_dps, 3)} °/s`;
+  if (!spin) return `${told}.`;
+  const cosine = spin.axis.reduce((sum, part, n) => sum + part * truth.axis[n], 0);
+  const off = (180 / Math.PI) * Math.acos(Math.min(1, Math.max(-1, cosine)));
+  return `${told}; measured: axis off by ${digits(off, 2)}°, rate by ${digits(spin.rate_dps - truth.rate_dps, 3)} °/s.`;
+}
+
 const setText = (id, text, kind) => {
   const element = document.getElementById(id);
   if (element.textContent !== text) element.textContent = text;
