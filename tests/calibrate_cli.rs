@@ -1,5 +1,6 @@
 //! `tumbled calibrate extrinsic`: from a recording to a file that a config takes, and what is refused.
 
+use tumbled::calibration::depth::KinectReport;
 use tumbled::calibration::extrinsic::ExtrinsicReport;
 use tumbled_calib::Status;
 
@@ -83,6 +84,66 @@ fn a_recorded_board_becomes_a_calibration_that_the_config_takes_and_a_wrong_size
     let refused: ExtrinsicReport = done.json();
     assert_eq!((done.code, refused.written, refused.result), (3, None, None));
     assert!(done.stderr.contains("nothing flat of 1.20 x 0.90 m"), "{}", done.stderr);
+}
+
+/// The board over the whole picture, near and far, of a camera whose depths are 1 % too large.
+fn wide_scene() -> String {
+    let poses = "poses = [
+    { at_m = [1.25, 0.25, 0.05], turned_deg = [0.0, 20.0, 0.0] },
+    { at_m = [2.1, -0.45, 0.35], turned_deg = [0.0, -30.0, 20.0] },
+    { at_m = [2.0, 1.05, 0.35], turned_deg = [0.0, 0.0, -35.0] },
+    { at_m = [2.1, 1.0, -0.4], turned_deg = [0.0, 30.0, 25.0] },
+    { at_m = [2.0, -0.45, -0.4], turned_deg = [0.0, 20.0, 35.0] },
+]";
+    let (head, rest) = SCENE.split_once("poses = [").expect("poses");
+    let (_, tail) = rest.split_once("]\n[room]").expect("the room");
+    let mounting = "t_rig_kinect = { translation_m = [0.0, 0.3";
+    let bent = format!("parameters = {{ depth_scale = 1.01 }}\n{mounting}");
+    format!("{head}{poses}\n[room]{tail}")
+        .replace(mounting, &bent)
+        .replace("duration_s = 12.0", "duration_s = 10.4")
+        .replace("move_s = 1.0", "move_s = 0.6")
+}
+
+#[test]
+fn a_kinects_depths_are_calibrated_from_a_recording_and_the_config_takes_them() {
+    let bench = Workbench::new();
+    bench.file("board.toml", wide_scene());
+    let done = bench.run(&["simulate", "board.toml", "-o", "out"]);
+    assert_eq!(done.code, 0, "{}", done.stderr);
+    let common = ["calibrate", "kinect", "--from", "out/capture.mcap", "--config", "out/rig.toml", "--json"];
+    let done = bench.run(&[&common[..], &["-o", "cal.toml", "--report", "report.html"]].concat());
+    assert_eq!(done.code, 0, "{} {}", done.stdout, done.stderr);
+    let report: KinectReport = done.json();
+    // Five poses are usable and fewer than wanted.
+    assert_eq!(report.provenance.status, Status::Warn);
+    let result = report.result.expect("a result");
+    let scale = result.place.depth_scale.expect("a scale");
+    assert!((1.01 * scale - 1.0).abs() < 0.004, "{scale}");
+    let page = bench.read("report.html");
+    for part in ["WARN: usable", "With the model, mm", "What the data bear", "Warming up"] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(!page.contains("http") && !page.contains("NaN"));
+    // The config takes it, and decodes by it.
+    let rig = bench.read("out/rig.toml");
+    bench.file("rig.toml", rig.replacen("[rig]\n", "[rig]\ncalibration = \"cal.toml\"\n", 1));
+    let shown = bench.run(&["config", "show", "--origin", "--config", "rig.toml"]);
+    assert_eq!(shown.code, 0, "{}", shown.stderr);
+    let of_key = |key: &str| shown.stdout.lines().find_map(|line| line.strip_prefix(key)?.split_whitespace().next());
+    let taken: f64 = of_key("depth_scale = ").and_then(|text| text.parse().ok()).expect("a scale");
+    assert!((taken - scale).abs() < 1e-9 && of_key("depth_warp.factors = ").is_some(), "{}", shown.stdout);
+    // A surface that is none is refused with its place.
+    let cal = bench.read("cal.toml");
+    let (head, _) = cal.split_once("factors = [").expect("a surface");
+    bench.file("cal.toml", format!("{head}factors = [9.0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,0.0]\n"));
+    let refused = bench.run(&["config", "check", "rig.toml"]);
+    assert!(
+        refused.code == 2 && refused.stderr.contains("changes a depth of 2 m by 9"),
+        "{} {}",
+        refused.stdout,
+        refused.stderr
+    );
 }
 
 #[test]

@@ -20,16 +20,16 @@ const DRAWN: (f64, f64) = (0.02, 0.02);
 
 /// A row of the acceptance table.
 #[derive(Clone, Copy, Debug)]
-struct Row {
-    name: &'static str,
-    sphere: bool,
-    poses: usize,
-    lidar_bias_m: f64,
-    warp_m: f64,
-    depth_scale: f64,
+pub(crate) struct Row {
+    pub(crate) name: &'static str,
+    pub(crate) sphere: bool,
+    pub(crate) poses: usize,
+    pub(crate) lidar_bias_m: f64,
+    pub(crate) warp_m: f64,
+    pub(crate) depth_scale: f64,
 }
 
-const BOARD: Row =
+pub(crate) const BOARD: Row =
     Row { name: "board, 12 poses", sphere: false, poses: 12, lidar_bias_m: 0.0, warp_m: 0.0, depth_scale: 1.0 };
 const SPHERE: Row = Row { name: "sphere, 15 poses", sphere: true, poses: 15, ..BOARD };
 
@@ -69,7 +69,7 @@ fn second_spread_m(places: impl Iterator<Item = Vector3<f64>> + Clone) -> f64 {
 }
 
 /// A scene of a row with random poses.
-fn scene(row: &Row, seed: u64) -> Scene {
+pub(crate) fn scene(row: &Row, seed: u64) -> Scene {
     let name = if row.sphere { "calibration-sphere" } else { "calibration-board" };
     let change = |config: &mut SceneConfig| {
         config.seed = seed;
@@ -148,17 +148,27 @@ fn view(scene: &Scene, middle: RigNs, pose: u64, t_lidar_kinect: &Isometry3<f64>
     View { camera, lidar }
 }
 
-fn trial(row: &Row, seed: u64) -> Trial {
-    let scene = scene(row, seed);
+/// What both sensors see in every rest.
+pub(crate) fn views(scene: &Scene, start: &Isometry3<f64>) -> Vec<View> {
+    let rests = scene.rests();
+    (0..).zip(&rests).map(|(n, rest)| view(scene, rest.from + Span(1_000_000_000), n, start)).collect()
+}
+
+/// The Kinect in the LiDAR's frame: truly, and as the drawing has it.
+pub(crate) fn places(scene: &Scene) -> (Isometry3<f64>, Isometry3<f64>) {
     let isometry = |transform: &Transform| transform.isometry();
     let truth = isometry(&scene.config.lidar[0].t_rig_lidar).inverse() * isometry(&scene.config.kinect[0].t_rig_kinect);
-    let mut noise = Noise::new(seed, "calibration.drawing", 0);
+    let mut noise = Noise::new(scene.config.seed, "calibration.drawing", 0);
     let mut three = |size: f64| Vector3::new(noise.normal(), noise.normal(), noise.normal()) * size;
     let off = UnitQuaternion::from_scaled_axis(three(DRAWN.0));
     let start = Isometry3::from_parts((truth.translation.vector + three(DRAWN.1)).into(), off * truth.rotation);
-    let rests = scene.rests();
-    let views: Vec<View> =
-        (0..).zip(&rests).map(|(n, rest)| view(&scene, rest.from + Span(1_000_000_000), n, &start)).collect();
+    (truth, start)
+}
+
+fn trial(row: &Row, seed: u64) -> Trial {
+    let scene = scene(row, seed);
+    let (truth, start) = places(&scene);
+    let views = views(&scene, &start);
     let found = if row.sphere {
         sphere::calibrate(&views, 0.25, &start)
     } else {
@@ -190,7 +200,7 @@ fn score(found: &Extrinsic, truth: &Isometry3<f64>, scale: f64) -> Trial {
 }
 
 /// Median and largest.
-fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(crate) fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     (0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2]), values[values.len() - 1])

@@ -88,9 +88,9 @@ fn the_commented_default_shows_every_key() {
     let report: ShowReport = bench.run(&["config", "show", "--json", "--config", file.to_str().expect("UTF-8")]).json();
     let missing: Vec<_> = report.keys.iter().filter(|key| key.layer == Layer::Default).map(|key| &key.key).collect();
     assert!(missing.is_empty(), "not in config/rig.toml: {missing:?}");
-    // 2 of the rig, 16 of the LiDAR (its transform is two, its sigma three), 20 of the Kinect (9 intrinsics, transform two,
-    // sigma four), 4 of the turntable, 6 of the target, 2 of the point; 3 of the time, 4 of the filter, 11 of the stream, 6 of the record, 6 limits.
-    assert_eq!(report.keys.len(), 2 + 16 + 20 + 4 + 6 + 2 + 3 + 4 + 11 + 6 + 6);
+    // 2 of the rig, 16 of the LiDAR (its transform is two, its sigma three), 22 of the Kinect (9 intrinsics, transform two,
+    // sigma four, warp two), 4 of the turntable, 6 of the target, 2 of the point; 3 of the time, 4 of the filter, 11 of the stream, 6 of the record, 6 limits.
+    assert_eq!(report.keys.len(), 2 + 16 + 22 + 4 + 6 + 2 + 3 + 4 + 11 + 6 + 6);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod architecture;
 mod background;
 mod calibrate_cli;
+mod calibrate_depth_figures;
 mod calibrate_figures;
 mod calibrate_turning;
 mod cli_basics;

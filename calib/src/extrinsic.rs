@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::consistency::{Agreement, DROPPED_SHARE};
 use crate::coverage::Spread;
-use crate::fit::{Fit, Unsolved, difference};
+use crate::fit::{Covariance, Fit, Unsolved, difference};
 use crate::gate::Gate;
 
 /// Fewer poses warn.
@@ -111,13 +111,21 @@ pub(crate) fn pose_gates(used: usize, all: usize, least: usize, aside: &[String]
     gates
 }
 
-/// The gates on a result.
-pub(crate) fn result_gates(agreement: &Agreement, start: &Isometry3<f64>, missing: Option<&str>) -> Vec<Gate> {
-    let fit = &agreement.fit;
-    let sigma = fit.sigma();
-    let worst = |from: usize, unit: f64| sigma.iter().skip(from).take(3).fold(0.0, |a: f64, b| a.max(*b)) * unit;
+/// The gates on a camera's place: how well it is known, and how far it is from the config's.
+pub(crate) fn place_gates(
+    covariance: &Covariance,
+    t_lidar_camera: &Isometry3<f64>,
+    start: &Isometry3<f64>,
+    missing: Option<&str>,
+) -> Vec<Gate> {
+    let sigma = |n: usize| covariance.get((n, n)).copied().unwrap_or_default().max(0.0).sqrt();
+    let worst = |from: usize, unit: f64| (from..from + 3).map(sigma).fold(0.0, f64::max) * unit;
     let weak = missing.unwrap_or("more poses, nearer and more tilted, or a larger target");
-    let mut gates = vec![
+    let moved = difference(t_lidar_camera, start, 0.0);
+    let (rotation, translation) = (moved.fixed_rows::<3>(0).norm().to_degrees(), 1e3 * moved.fixed_rows::<3>(3).norm());
+    let remedy = "the result is far from the config's mounting: correct the mounting in the config if it is wrong, else the \
+                  target was taken for something else";
+    vec![
         Gate::at_most(
             "sigma of the rotation",
             worst(0, 180.0 / core::f64::consts::PI),
@@ -126,15 +134,23 @@ pub(crate) fn result_gates(agreement: &Agreement, start: &Isometry3<f64>, missin
             weak,
         ),
         Gate::at_most("sigma of the translation", worst(3, 1e3), "mm", (Some(SIGMA_MM.0), Some(SIGMA_MM.1)), weak),
-        Gate::at_most(
-            "disagreement of the sensors over the points' noise",
-            fit.chi_square / fit.freedom.max(1) as f64,
-            "",
-            (Some(VARIANCE_FACTOR), None),
-            "the two sensors' surfaces differ by more than noise: a warped depth, a moving target, or a wrong lens model; the \
-             covariance has been enlarged by it",
-        ),
-    ];
+        Gate::at_most("rotation from the config's", rotation, "deg", (None, Some(FROM_START.0)), remedy),
+        Gate::at_most("translation from the config's", translation, "mm", (None, Some(FROM_START.1)), remedy),
+    ]
+}
+
+/// The gates on a result.
+pub(crate) fn result_gates(agreement: &Agreement, start: &Isometry3<f64>, missing: Option<&str>) -> Vec<Gate> {
+    let fit = &agreement.fit;
+    let mut gates = place_gates(&fit.covariance, &fit.t_lidar_camera, start, missing);
+    gates.push(Gate::at_most(
+        "disagreement of the sensors over the points' noise",
+        fit.chi_square / fit.freedom.max(1) as f64,
+        "",
+        (Some(VARIANCE_FACTOR), None),
+        "the two sensors' surfaces differ by more than noise: a warped depth, a moving target, or a wrong lens model; the \
+         covariance has been enlarged by it",
+    ));
     if let Some(worst) = agreement.left_out.iter().map(|left| left.shift_sigma).max_by(f64::total_cmp) {
         gates.push(Gate::at_most(
             "largest shift when one pose is left out",
@@ -163,12 +179,6 @@ pub(crate) fn result_gates(agreement: &Agreement, start: &Isometry3<f64>, missin
         }
         None => gates.push(Gate::warned("held-out points", "too few poses to hold some back: add more")),
     }
-    let moved = difference(&fit.t_lidar_camera, start, 0.0);
-    let (rotation, translation) = (moved.fixed_rows::<3>(0).norm().to_degrees(), 1e3 * moved.fixed_rows::<3>(3).norm());
-    let remedy = "the result is far from the config's mounting: correct the mounting in the config if it is wrong, else the \
-                  target was taken for something else";
-    gates.push(Gate::at_most("rotation from the config's", rotation, "deg", (None, Some(FROM_START.0)), remedy));
-    gates.push(Gate::at_most("translation from the config's", translation, "mm", (None, Some(FROM_START.1)), remedy));
     gates
 }
 

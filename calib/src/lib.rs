@@ -9,6 +9,7 @@
 //! * [`board`]: a board; [`sphere`]: a sphere;
 //! * [`fit`]: a result with its covariance; [`consistency`]: whether poses agree;
 //! * [`coverage`]: whether they differ enough, in words;
+//! * [`depth_camera`]: its lens, and its depths over the picture;
 //! * [`turntable`]: a stage's axis in the rig; [`time`]: how late a sensor's stamps are;
 //! * [`extrinsic`]: a result with its poses; [`gate`]: what it has to reach, and the verdict.
 #![forbid(unsafe_code)]
@@ -18,6 +19,7 @@ mod blocks;
 pub mod board;
 pub mod consistency;
 pub mod coverage;
+pub mod depth_camera;
 mod draws;
 pub mod extrinsic;
 pub mod fit;

@@ -90,6 +90,10 @@ pub fn outputs() -> Vec<Published> {
             schema: schema_for!(crate::calibration::extrinsic::ExtrinsicReport),
         },
         Published {
+            file: "docs/schema/calibrate-kinect.schema.json",
+            schema: schema_for!(crate::calibration::depth::KinectReport),
+        },
+        Published {
             file: "docs/schema/calibrate-turntable.schema.json",
             schema: schema_for!(crate::calibration::turntable::TurntableReport),
         },

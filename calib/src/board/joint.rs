@@ -34,8 +34,8 @@ pub struct Board {
 }
 
 /// A plane's three unknowns: two tilts and the distance; and all that one pose depends on.
-type PlaneRows = SMatrix<f64, 4, 3>;
-type ParameterRows = SMatrix<f64, 4, PARAMETERS>;
+pub(crate) type PlaneRows = SMatrix<f64, 4, 3>;
+pub(crate) type ParameterRows = SMatrix<f64, 4, PARAMETERS>;
 type Cross = SMatrix<f64, PARAMETERS, 3>;
 
 /// The current values.
@@ -103,7 +103,7 @@ fn camera_rows(plane: &Plane, scale: f64) -> (Vector4<f64>, PlaneRows) {
 }
 
 /// The same for the LiDAR, `q = (R n, d + (R n)·t)`.
-fn lidar_rows(plane: &Plane, t: &Isometry3<f64>) -> (Vector4<f64>, PlaneRows) {
+pub(crate) fn lidar_rows(plane: &Plane, t: &Isometry3<f64>) -> (Vector4<f64>, PlaneRows) {
     let [a, b] = plane.across();
     let column = |v: Vector3<f64>| {
         let turned = t.rotation * v;
@@ -116,7 +116,7 @@ fn lidar_rows(plane: &Plane, t: &Isometry3<f64>) -> (Vector4<f64>, PlaneRows) {
 }
 
 /// `∂q/∂(R, t)` of the LiDAR: `δ(R n) = θ × R n`.
-fn lidar_parameters(plane: &Plane, t: &Isometry3<f64>) -> ParameterRows {
+pub(crate) fn lidar_parameters(plane: &Plane, t: &Isometry3<f64>) -> ParameterRows {
     let (m, place) = (t.rotation * plane.normal, t.translation.vector);
     let mut rows = ParameterRows::zeros();
     rows.fixed_view_mut::<3, 3>(0, 0).copy_from(&-m.cross_matrix());

@@ -22,8 +22,8 @@ use crate::robust::{huber, scale};
 use crate::view::{Ranged, View};
 
 pub use camera::{BoardSize, NotSeen, Seen};
-pub(crate) use joint::inverse;
 pub use joint::{Board, LEAST_POSES};
+pub(crate) use joint::{inverse, lidar_parameters, lidar_rows};
 pub use lidar::NotHit;
 
 /// Rounds of new weights after the first.
@@ -37,12 +37,16 @@ const SCALE_POSES: usize = 12;
 const SCALE_RATIO: f64 = 1.6;
 
 /// A pose in which both sensors have the board.
-struct Found {
-    number: usize,
-    seen: Seen,
+pub(crate) struct Found {
+    /// Which of the poses.
+    pub(crate) number: usize,
+    /// The camera's rectangle.
+    pub(crate) seen: Seen,
     camera: Vec<Ranged>,
-    lidar: Vec<Ranged>,
-    lidar_plane: Plane,
+    /// The LiDAR's points.
+    pub(crate) lidar: Vec<Ranged>,
+    /// Their plane.
+    pub(crate) lidar_plane: Plane,
 }
 
 /// The boards with weights, for solving with any of them.
@@ -76,46 +80,14 @@ fn in_lidar(plane: &Plane, t: &Isometry3<f64>, depth_scale: f64) -> Plane {
 
 /// Calibrates; `start` is the config's place of the camera in the LiDAR's frame.
 pub fn calibrate(views: &[View], size: &BoardSize, start: &Isometry3<f64>) -> Extrinsic {
-    let mut poses: Vec<PoseOutcome> =
-        (0..views.len()).map(|number| PoseOutcome { number, left_aside: None, seen: None }).collect();
-    let aside = |poses: &mut Vec<PoseOutcome>, number: usize, why: String| {
-        if let Some(pose) = poses.get_mut(number) {
-            pose.left_aside = Some(why);
+    let located = match locate(views, size, start) {
+        Ok(located) => located,
+        Err(failed) => {
+            let (poses, spread, error) = *failed;
+            return without(poses, start, spread, error);
         }
     };
-    let mut found: Vec<Found> = Vec::new();
-    for (number, view) in views.iter().enumerate() {
-        let one = camera::find(&view.camera, size).map_err(|error| error.to_string()).and_then(|seen| {
-            let (lidar_plane, lidar) =
-                lidar::find(&view.lidar, &seen, start, &lidar::Margin::GUESS).map_err(|error| error.to_string())?;
-            let camera = seen.points.iter().step_by(seen.points.len().div_ceil(CAMERA_POINTS)).copied().collect();
-            Ok(Found { number, seen, camera, lidar, lidar_plane })
-        });
-        match one {
-            Ok(one) => found.push(one),
-            Err(why) => aside(&mut poses, number, why),
-        }
-    }
-    let spread = spread(&found);
-    let begun = start::closed_form(&planes(&found));
-    let (t, agreeing) = match begun {
-        Ok(begun) => begun,
-        Err(error) => return without(poses, start, spread, error),
-    };
-    let mut close: Vec<Found> = Vec::new();
-    for (one, agrees) in found.into_iter().zip(agreeing) {
-        let number = one.number;
-        if !agrees {
-            let why = "its two planes do not fit the other poses: one sensor saw something else, e.g. a wall";
-            aside(&mut poses, number, why.to_owned());
-            continue;
-        }
-        let lidar = views.get(number).map_or(&[][..], |view| &view.lidar);
-        match lidar::find(lidar, &one.seen, &t, &lidar::Margin::FOUND) {
-            Ok((lidar_plane, lidar)) => close.push(Found { lidar, lidar_plane, ..one }),
-            Err(why) => aside(&mut poses, number, why.to_string()),
-        }
-    }
+    let Located { mut poses, boards: close, t } = located;
     let spread = self::spread(&close);
     let with_scale = scale_is_fixed(&close);
     let solved = weighted(&close, &t, with_scale).and_then(|(boards, planes)| {
@@ -157,6 +129,65 @@ pub fn calibrate(views: &[View], size: &BoardSize, start: &Isometry3<f64>) -> Ex
     // Places in the agreement are of the boards found, the report's are of the poses shown.
     let agreement = agreement.renumbered(&close.iter().map(|one| one.number).collect::<Vec<_>>());
     Extrinsic { start: *start, agreement: Some(agreement), poses, spread, gates }
+}
+
+/// The boards of both sensors, and a first place of the sensors.
+pub(crate) struct Located {
+    /// All poses, those that are left aside with the reason.
+    pub(crate) poses: Vec<PoseOutcome>,
+    /// The boards in the others.
+    pub(crate) boards: Vec<Found>,
+    /// The camera in the LiDAR's frame by their planes.
+    pub(crate) t: Isometry3<f64>,
+}
+
+/// Why boards have no place: the poses, how they lie, and what is missing.
+pub(crate) type NotLocated = (Vec<PoseOutcome>, Spread, Unsolved);
+
+fn aside(poses: &mut [PoseOutcome], number: usize, why: String) {
+    if let Some(pose) = poses.get_mut(number) {
+        pose.left_aside = Some(why);
+    }
+}
+
+/// Finds the board in both sensors, and the place at which most of the planes agree.
+pub(crate) fn locate(views: &[View], size: &BoardSize, start: &Isometry3<f64>) -> Result<Located, Box<NotLocated>> {
+    let mut poses: Vec<PoseOutcome> =
+        (0..views.len()).map(|number| PoseOutcome { number, left_aside: None, seen: None }).collect();
+    let mut found: Vec<Found> = Vec::new();
+    for (number, view) in views.iter().enumerate() {
+        let one = camera::find(&view.camera, size).map_err(|error| error.to_string()).and_then(|seen| {
+            let (lidar_plane, lidar) =
+                lidar::find(&view.lidar, &seen, start, &lidar::Margin::GUESS).map_err(|error| error.to_string())?;
+            let camera = seen.points.iter().step_by(seen.points.len().div_ceil(CAMERA_POINTS)).copied().collect();
+            Ok(Found { number, seen, camera, lidar, lidar_plane })
+        });
+        match one {
+            Ok(one) => found.push(one),
+            Err(why) => aside(&mut poses, number, why),
+        }
+    }
+    let spread = spread(&found);
+    let begun = start::closed_form(&planes(&found));
+    let (t, agreeing) = match begun {
+        Ok(begun) => begun,
+        Err(error) => return Err(Box::new((poses, spread, error))),
+    };
+    let mut close: Vec<Found> = Vec::new();
+    for (one, agrees) in found.into_iter().zip(agreeing) {
+        let number = one.number;
+        if !agrees {
+            let why = "its two planes do not fit the other poses: one sensor saw something else, e.g. a wall";
+            aside(&mut poses, number, why.to_owned());
+            continue;
+        }
+        let lidar = views.get(number).map_or(&[][..], |view| &view.lidar);
+        match lidar::find(lidar, &one.seen, &t, &lidar::Margin::FOUND) {
+            Ok((lidar_plane, lidar)) => close.push(Found { lidar, lidar_plane, ..one }),
+            Err(why) => aside(&mut poses, number, why.to_string()),
+        }
+    }
+    Ok(Located { poses, boards: close, t })
 }
 
 fn without(poses: Vec<PoseOutcome>, start: &Isometry3<f64>, spread: Spread, error: Unsolved) -> Extrinsic {

@@ -16,6 +16,7 @@
 //! * [`loss`]: which pixels a lost USB packet takes with it; [`depth`]: bytes to images; [`counts`]: what went wrong how often;
 //! * [`intrinsics`]: pinhole with Brown–Conrady distortion; [`rays`]: the same as a table per pixel;
 //! * [`noise`]: how far a depth may be off; [`flying`]: pixels between two surfaces; [`points`]: depth images to points;
+//! * [`warp`]: a camera's own error of depth over its image, taken out of the points;
 //! * [`frozen`]: a device that sends one frame for ever; [`encode`]: frames for tests and the simulator.
 //!
 //! The usual way from bytes to points:
@@ -55,6 +56,7 @@ pub mod rays;
 pub mod reply;
 pub mod table;
 pub mod table_csv;
+pub mod warp;
 
 pub use counts::DecodeCounts;
 pub use depth::{DecodeError, FrameLoss, decode_metres, decode_mm, decode_raw};
@@ -72,3 +74,4 @@ pub use rays::{RayTable, UndistortReport};
 pub use reply::{ReplyError, parse_const_shift, parse_zero_plane};
 pub use table::DepthTable;
 pub use table_csv::TableCsvError;
+pub use warp::{DepthWarp, WARP_TERMS, WarpError};

@@ -1,10 +1,11 @@
 //! Depth images to points.
 
-use crate::frame::{FIRST_INVALID_MM, PIXELS};
+use crate::frame::{FIRST_INVALID_MM, PIXELS, WIDTH};
 use crate::image::DepthImage;
 use crate::intrinsics::{Intrinsics, IntrinsicsError};
 use crate::noise::NoiseModel;
 use crate::rays::RayTable;
+use crate::warp::DepthWarp;
 
 /// Points in the Kinect's frame (x right, y down, z forward, metres), a column per quantity, in the order of their pixels.
 ///
@@ -69,8 +70,15 @@ impl Points {
         self.sigma_z.get(..self.len).unwrap_or_default()
     }
 
-    /// Appends the points of a run of pixels that all have one; what there is no room for is left out.
-    fn append(&mut self, first_pixel: usize, z: &[f32], ray_x: &[f32], ray_y: &[f32], noise: &[f32; NOISE_STEPS]) {
+    /// Appends the points of a run of pixels that all have one, their depths changed by `correct`, which gets the run's first
+    /// pixel; what there is no room for is left out.
+    fn append(
+        &mut self,
+        first_pixel: usize,
+        (z, ray_x, ray_y): (&[f32], &[f32], &[f32]),
+        noise: &[f32; NOISE_STEPS],
+        correct: impl FnOnce(usize, &mut [f32]),
+    ) {
         let room = self.len..self.len + z.len();
         let columns = (
             self.x.get_mut(room.clone()),
@@ -80,9 +88,11 @@ impl Points {
             self.pixel.get_mut(room.clone()),
         );
         let (Some(to_x), Some(to_y), Some(to_z), Some(to_sigma), Some(to_pixel)) = columns else { return };
+        to_z.copy_from_slice(z);
+        correct(first_pixel, to_z);
+        let z = &*to_z;
         to_x.iter_mut().zip(z.iter().zip(ray_x)).for_each(|(to, (z, ray))| *to = ray * z);
         to_y.iter_mut().zip(z.iter().zip(ray_y)).for_each(|(to, (z, ray))| *to = ray * z);
-        to_z.copy_from_slice(z);
         for (to, &z) in to_sigma.iter_mut().zip(z) {
             // Below 10 m the centimetre is below 1000. By way of i32, which takes one instruction; never negative here.
             let centimetre = (z * STEPS_PER_METRE) as i32 as usize;
@@ -101,6 +111,9 @@ impl Points {
 /// Steps of the table of σ_z / z²: a centimetre of depth each.
 const STEPS_PER_METRE: f32 = 100.0;
 const NOISE_STEPS: usize = 1_024;
+/// Between these a corrected depth is kept, m: a millimetre from the ends of what is a depth.
+const LEAST_M: f32 = 0.001;
+const MOST_M: f32 = 9.999;
 
 /// A camera's rays and noise, ready to turn its depth images into points.
 #[derive(Clone, Debug)]
@@ -108,6 +121,8 @@ pub struct BackProjector {
     rays: RayTable,
     /// σ_z / z² (1/m) by centimetre of depth. Between two centimetres it changes by less than 0.2 %.
     noise: Box<[f32; NOISE_STEPS]>,
+    /// What is added to the depths by pixel, and the power of the depth it is multiplied by.
+    warp: Option<(Box<[f32]>, u8)>,
 }
 
 impl BackProjector {
@@ -122,7 +137,24 @@ impl BackProjector {
             let metres = (i as f64 + 0.5) / f64::from(STEPS_PER_METRE); // the middle of the centimetre
             *sigma = (noise.disparity_steps(metres) * noise.step_per_metre) as f32;
         }
-        Ok(Self { rays, noise: by_centimetre })
+        Ok(Self { rays, noise: by_centimetre, warp: None })
+    }
+
+    /// With a calibrated surface added to every depth. Computes a table: once per calibration, not per frame.
+    #[must_use]
+    pub fn warped(self, warp: &DepthWarp) -> Self {
+        let surface = (0..PIXELS).map(|i| warp.at((i % WIDTH) as f64, (i / WIDTH) as f64) as f32).collect();
+        Self { warp: Some((surface, warp.power)), ..self }
+    }
+
+    /// Takes the camera's warp out of the depths of a run of pixels.
+    fn unwarp(&self, first_pixel: usize, z: &mut [f32]) {
+        let Some((surface, power)) = &self.warp else { return };
+        for (z, add) in z.iter_mut().zip(surface.get(first_pixel..).unwrap_or_default()) {
+            let size = if *power == 2 { *z * *z } else { 1.0 };
+            // A depth stays one, whatever the surface says at the ends of the range.
+            *z = (*z + size * add).clamp(LEAST_M, MOST_M);
+        }
     }
 
     /// The camera's rays, and how well its distortion could be removed.
@@ -143,7 +175,7 @@ impl BackProjector {
             end = start + 1 + more;
             let run = (depth.get(start..end), ray_x.get(start..end), ray_y.get(start..end));
             if let (Some(z), Some(ray_x), Some(ray_y)) = run {
-                out.append(start, z, ray_x, ray_y, &self.noise);
+                out.append(start, (z, ray_x, ray_y), &self.noise, |first, z| self.unwarp(first, z));
             }
             end += 1; // the pixel that ended the run is behind the iterator too
         }
@@ -161,6 +193,24 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use std::sync::LazyLock;
+
+    #[test]
+    fn a_calibrated_surface_moves_points_along_their_rays() {
+        let mut factors = [0.0; crate::warp::WARP_TERMS];
+        (factors[0], factors[1]) = (0.004, 0.010);
+        let mut depth = DepthImage::new();
+        depth.pixels_mut()[240 * 640 + 480] = 2.0;
+        depth.pixels_mut()[240 * 640 + 481] = 0.0005;
+        for (power, size) in [(0, 1.0), (2, 4.0)] {
+            let mut points = Points::new();
+            factory().warped(&DepthWarp { power, factors }).points(&depth, &mut points);
+            // x = 1/2 there: 4 mm and half of 10 mm, at a power of 2 four times that.
+            let z = 2.0 + size * 0.009;
+            assert!((f64::from(points.z()[0]) - z).abs() < 1e-6, "{}", points.z()[0]);
+            assert!((f64::from(points.x()[0]) - 160.0 / 575.8 * z).abs() < 1e-6);
+            assert!(points.len() == 2 && points.z()[1] >= 0.001);
+        }
+    }
 
     fn factory() -> BackProjector {
         BackProjector::new(&Intrinsics::default(), &NoiseModel::default()).expect("a camera")

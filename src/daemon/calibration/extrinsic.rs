@@ -3,6 +3,7 @@
 use nalgebra::Isometry3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use tumbled_calib::fit::Covariance;
 use tumbled_calib::{Extrinsic, Status};
 use tumbled_core::estimate::Trust;
 
@@ -157,27 +158,31 @@ pub struct HeldOutJson {
 }
 
 /// The result in the rig's frame, with its covariance's rows.
-fn placed(found: &Extrinsic, pair: &Pair<'_>) -> Option<(Placed, Vec<Vec<f64>>)> {
-    let fit = found.fit()?;
+pub(super) fn placed(
+    t_lidar_camera: &Isometry3<f64>,
+    covariance: &Covariance,
+    depth_scale: Option<f64>,
+    pair: &Pair<'_>,
+) -> (Placed, Vec<Vec<f64>>) {
     let t_rig_lidar = pair.lidar.t_rig_lidar.isometry;
     let turn = t_rig_lidar.rotation.to_rotation_matrix().into_inner();
     let mut to_rig = nalgebra::SMatrix::<f64, 7, 7>::identity();
     to_rig.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
     to_rig.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
-    let covariance = to_rig * fit.covariance * to_rig.transpose();
+    let covariance = to_rig * covariance * to_rig.transpose();
     let sigma = |n: usize| covariance.get((n, n)).copied().unwrap_or_default().max(0.0).sqrt();
-    let (roll, pitch, yaw) = fit.t_lidar_camera.rotation.euler_angles();
+    let (roll, pitch, yaw) = t_lidar_camera.rotation.euler_angles();
     let placed = Placed {
-        t_rig_kinect: (&(t_rig_lidar * fit.t_lidar_camera)).into(),
-        t_lidar_kinect: (&fit.t_lidar_camera).into(),
+        t_rig_kinect: (&(t_rig_lidar * t_lidar_camera)).into(),
+        t_lidar_kinect: t_lidar_camera.into(),
         lidar_kinect_rpy_deg: [roll, pitch, yaw].map(f64::to_degrees),
         sigma_rotation_deg: [0, 1, 2].map(|n| sigma(n).to_degrees()),
         sigma_translation_mm: [3, 4, 5].map(|n| 1e3 * sigma(n)),
-        depth_scale: fit.depth_scale,
-        sigma_depth_scale: fit.depth_scale.map(|_| sigma(6)),
+        depth_scale,
+        sigma_depth_scale: depth_scale.map(|_| sigma(6)),
     };
     let rows = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
-    Some((placed, rows))
+    (placed, rows)
 }
 
 /// The report of a result; nothing is written yet.
@@ -188,7 +193,7 @@ pub fn report(
     target: String,
     mut provenance: Provenance,
 ) -> ExtrinsicReport {
-    let placed = placed(found, pair);
+    let placed = found.fit().map(|fit| placed(&fit.t_lidar_camera, &fit.covariance, fit.depth_scale, pair));
     if let Some((_, rows)) = &placed {
         provenance.covariance_of = COVARIANCE_OF.map(str::to_owned).to_vec();
         provenance.covariance.clone_from(rows);
@@ -253,18 +258,23 @@ pub fn enter(file: &mut RawCalibration, report: &ExtrinsicReport, pair: &Pair<'_
     if report.provenance.status == Status::Fail {
         return false;
     }
+    enter_place(file, result, pair, pair.kinect.depth_scale);
+    true
+}
+
+/// Puts a Kinect's place into a calibration file's content. `measured_with`: the depth scale that depths had been measured with.
+pub(super) fn enter_place(file: &mut RawCalibration, result: &Placed, pair: &Pair<'_>, measured_with: f64) {
     // The Kinect is placed by the LiDAR: its place in the rig holds with the LiDAR's that it was found with.
-    let lidar = file.lidar.entry(report.lidar.clone()).or_default();
+    let lidar = file.lidar.entry(pair.lidar.id.to_string()).or_default();
     let of_lidar = TransformJson::from(&pair.lidar.t_rig_lidar.isometry);
     lidar.t_rig_lidar =
         Some(CalibratedTransform { translation_m: of_lidar.translation_m, rotation_xyzw: of_lidar.rotation_xyzw });
-    let kinect = file.kinect.entry(report.kinect.clone()).or_default();
+    let kinect = file.kinect.entry(pair.kinect.id.to_string()).or_default();
     kinect.serial = pair.kinect.serial.clone().or(kinect.serial.take());
     let TransformJson { translation_m, rotation_xyzw } = result.t_rig_kinect;
     kinect.t_rig_kinect = Some(CalibratedTransform { translation_m, rotation_xyzw });
     if let Some(scale) = result.depth_scale {
-        // Depths were measured with the config's scale already.
-        kinect.depth_scale = Some(pair.kinect.depth_scale * scale);
+        kinect.depth_scale = Some(measured_with * scale);
     }
     let known = kinect.sigma.or(pair.kinect.sigma);
     let usual = Trust::default();
@@ -277,5 +287,4 @@ pub fn enter(file: &mut RawCalibration, report: &ExtrinsicReport, pair: &Pair<'_
         time_offset_ms,
         depth_scale: result.sigma_depth_scale.unwrap_or(depth_scale),
     });
-    true
 }

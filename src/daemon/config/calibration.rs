@@ -20,7 +20,7 @@ use super::files::{FileFault, FileShelf, RigFile};
 use super::names::check_names;
 use super::origin::{Layer, Origin, SourceText};
 use super::problem::Problem;
-use super::raw::{RawKinectSigma, RawLidarSigma};
+use super::raw::{RawDepthWarp, RawKinectSigma, RawLidarSigma};
 use super::shape::Shape;
 use super::tree::{Entry, Node, Step, Value};
 
@@ -88,6 +88,8 @@ pub struct CalibratedKinect {
     /// True depth over the depth law's: every depth is multiplied by it.
     #[schemars(range(min = 0.5, max = 2.0))]
     pub depth_scale: Option<f64>,
+    /// The camera's own error of depth over its image, added to the scaled depth of every point.
+    pub depth_warp: Option<RawDepthWarp>,
     /// How far mounting, offset and scale may be off: one standard deviation.
     pub sigma: Option<RawKinectSigma>,
 }

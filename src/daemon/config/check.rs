@@ -192,6 +192,10 @@ impl Rules<'_> {
             let found = self.file(&at("depth_table"), text);
             self.needed(&at("depth_table"), found)
         });
+        if let Some(Err(error)) = raw.depth_warp.as_ref().map(|warp| tumbled_kinect::DepthWarp::from(warp).check()) {
+            self.broken(&at("depth_warp"), error.to_string(), "take it from a calibration file, or leave it out");
+            return None;
+        }
         Some(KinectConfig {
             id: raw.id.into(),
             serial: Some(raw.serial).filter(|serial| !serial.is_empty()),
@@ -201,6 +205,7 @@ impl Rules<'_> {
             sigma: raw.sigma,
             depth_table,
             depth_scale: raw.depth_scale,
+            depth_warp: raw.depth_warp,
         })
     }
 

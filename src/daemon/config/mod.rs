@@ -38,8 +38,8 @@ pub use layers::{ConfigError, load, load_recorded};
 pub use origin::Layer;
 pub use problem::{Gravity, Problem, ProblemReport};
 pub use raw::{
-    BackgroundName, Hdl32eStamp, Intrinsics, LidarModel, RawKinectSigma, RawLidarSigma, Switch, TargetSearch,
-    TurntableProtocol,
+    BackgroundName, Hdl32eStamp, Intrinsics, LidarModel, RawDepthWarp, RawKinectSigma, RawLidarSigma, Switch,
+    TargetSearch, TurntableProtocol,
 };
 pub use raw_session::{ClockMethod, FilterMethodName, MotionName, RawFilter, TelemetryKinds};
 pub use session::{
@@ -157,6 +157,8 @@ pub struct KinectConfig {
     pub depth_table: Option<RigFile>,
     /// True depth over the depth law's, 0.5 to 2.
     pub depth_scale: f64,
+    /// What is added to the scaled depths over the image; `None`: nothing.
+    pub depth_warp: Option<RawDepthWarp>,
 }
 
 /// The turntable.

@@ -208,6 +208,26 @@ pub struct RawKinect {
     /// True depth over the depth law's: every depth is multiplied by it.
     #[schemars(range(min = 0.5, max = 2.0))]
     pub depth_scale: f64,
+    /// The camera's own error of depth over its image, added to the scaled depth of every point; left out: none.
+    pub depth_warp: Option<RawDepthWarp>,
+}
+
+/// A surface over a depth image: `z + z^power * (f0 + f1 x + f2 x² + f3 x³ + f4 y + f5 xy + f6 x²y + f7 y² + f8 xy² + f9 y³)`,
+/// x and y from -1 to 1 across the picture. At 2 m it may change a depth by 0.2 m at most.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawDepthWarp {
+    /// 0: an error in metres, the same at every depth; 2: an error of the disparity.
+    #[schemars(range(min = 0, max = 2))]
+    pub power: u8,
+    /// f0 to f9, m^(1 - power).
+    pub factors: [f64; 10],
+}
+
+impl From<&RawDepthWarp> for tumbled_kinect::DepthWarp {
+    fn from(raw: &RawDepthWarp) -> Self {
+        Self { power: raw.power, factors: raw.factors }
+    }
 }
 
 /// How well a LiDAR's place and time are known: one standard deviation each, as a calibration states them.
@@ -254,6 +274,7 @@ impl Default for RawKinect {
             sigma: None,
             depth_table: None,
             depth_scale: 1.0,
+            depth_warp: None,
         }
     }
 }

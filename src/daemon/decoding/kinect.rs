@@ -39,16 +39,23 @@ fn depth_law(kinect: &KinectConfig) -> Result<DepthTable, Failure> {
     text.parse().map_err(|error: tumbled_kinect::TableCsvError| problem(error.to_string()))
 }
 
-/// The config's camera: rays and noise.
+/// The config's lens.
+pub fn intrinsics(kinect: &KinectConfig) -> Intrinsics {
+    let i = &kinect.intrinsics;
+    Intrinsics { fx: i.fx, fy: i.fy, cx: i.cx, cy: i.cy, k1: i.k1, k2: i.k2, p1: i.p1, p2: i.p2, k3: i.k3 }
+}
+
+/// The config's camera: rays, noise and the depth's warp.
 ///
 /// # Errors
 /// Intrinsics that describe no camera: exit code 2.
 pub fn projector(kinect: &KinectConfig) -> Result<BackProjector, Failure> {
-    let i = &kinect.intrinsics;
-    let intrinsics =
-        Intrinsics { fx: i.fx, fy: i.fy, cx: i.cx, cy: i.cy, k1: i.k1, k2: i.k2, p1: i.p1, p2: i.p2, k3: i.k3 };
-    BackProjector::new(&intrinsics, &NoiseModel::default())
-        .map_err(|error| Failure::input(format!("kinect {}: intrinsics: {error}", kinect.id)))
+    let projector = BackProjector::new(&intrinsics(kinect), &NoiseModel::default())
+        .map_err(|error| Failure::input(format!("kinect {}: intrinsics: {error}", kinect.id)))?;
+    Ok(match &kinect.depth_warp {
+        Some(warp) => projector.warped(&warp.into()),
+        None => projector,
+    })
 }
 
 /// One frame as the ledger has it.

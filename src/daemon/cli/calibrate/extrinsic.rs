@@ -6,6 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use tumbled_calib::board::{self, BoardSize};
 use tumbled_calib::{Extrinsic, Gate, Status, View, sphere};
 
+use super::{aligned, sides};
 use crate::calibration::extrinsic::{self, ExtrinsicReport};
 use crate::calibration::gather::{Pair, gather};
 use crate::calibration::{Provenance, extrinsic_page, file, frame, provenance};
@@ -63,13 +64,6 @@ pub struct Args {
     json: bool,
 }
 
-fn sides(text: &str) -> Result<BoardSize, String> {
-    let expected = || "expected two sides in metres, 0.2 to 3, as in 0.8x0.6".to_owned();
-    let (a, b) = text.split_once('x').ok_or_else(expected)?;
-    let side = |text: &str| text.trim().parse::<f64>().ok().filter(|side| (0.2..=3.0).contains(side));
-    Ok(BoardSize::new(side(a).ok_or_else(expected)?, side(b).ok_or_else(expected)?))
-}
-
 fn radius(text: &str) -> Result<f64, String> {
     let radius = text.trim().parse::<f64>().ok().filter(|radius| (0.05..=1.0).contains(radius));
     radius.ok_or_else(|| "expected a radius in metres, 0.05 to 1, as in 0.25".to_owned())
@@ -119,12 +113,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         report.kept = file::write(&args.output, &calibration)?.map(|kept| kept.display().to_string());
         report.written = Some(args.output.display().to_string());
     }
-    for warning in &report.warnings {
-        tracing::warn!("{warning}");
-    }
-    for gate in report.provenance.gates.iter().filter(|gate| gate.status != Status::Pass) {
-        tracing::warn!("{}: {}", gate.name, gate.remedy.as_deref().unwrap_or_default());
-    }
+    super::tell(&report.warnings, &report.provenance.gates);
     if let Some(path) = &args.report {
         output::file(path, extrinsic_page::page(&report, &found))?;
     }
@@ -156,26 +145,6 @@ fn text(report: &ExtrinsicReport) -> String {
     let mut rows = vec![frame::GATES.map(str::to_owned).to_vec()];
     rows.extend(frame::gates(&report.provenance.gates));
     text.push_str(&aligned(&rows));
-    match (&report.written, &report.kept) {
-        (Some(file), Some(kept)) => text.push_str(&format!("written: {file}; what was there: {kept}\n")),
-        (Some(file), None) => text.push_str(&format!("written: {file}\n")),
-        (None, _) => text.push_str("nothing written: a calibration that failed is not to be used\n"),
-    }
+    text.push_str(&super::written(report.written.as_deref(), report.kept.as_deref()));
     text
-}
-
-fn aligned(rows: &[Vec<String>]) -> String {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |column: usize| {
-        rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let cells = row.iter().zip(&widths).map(|(cell, width)| {
-            let missing = width.saturating_sub(cell.chars().count());
-            format!("{cell}{}", " ".repeat(missing))
-        });
-        format!("  {}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
-    };
-    rows.iter().map(line).collect()
 }

@@ -64,7 +64,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let (mut warnings, mut gates, mut found) = (Vec::new(), Vec::new(), Vec::new());
     for ((id, before_ms), played) in sensors.iter().zip(&plays) {
-        let (sensor, more) = one(id, *before_ms, played, &mut warnings)?;
+        let depth_camera = loaded.config.kinects.iter().any(|kinect| kinect.id.to_string() == *id);
+        let (sensor, more) = one(id, depth_camera, *before_ms, played, &mut warnings)?;
         found.push(sensor);
         gates.extend(more);
     }
@@ -122,6 +123,7 @@ fn alone(id: String) -> Change {
 
 fn one(
     id: &str,
+    depth_camera: bool,
     before_ms: f64,
     played: &Played,
     warnings: &mut Vec<String>,
@@ -135,7 +137,7 @@ fn one(
             warnings.push(warning);
         }
     }
-    Ok(told::sensor(id, before_ms, &angles, played.encoder_sigma_s()))
+    Ok(told::sensor(id, depth_camera, before_ms, &angles, played.encoder_sigma_s()))
 }
 
 fn passes(sensor: &SensorTime, gates: &[Gate]) -> bool {

@@ -134,6 +134,11 @@ impl KinectModel {
         Self { truth: true, ..self }
     }
 
+    /// What the device adds to its scaled depth at a pixel and an instant, m: its warp, drawn by `seed`. A truth, for tests.
+    pub fn warp_m(&self, t: RigNs, seed: u64, u: usize, v: usize) -> f64 {
+        warp::Warp::new(&self.parameters, seed, &self.names.warp, t).row(v).at(u)
+    }
+
     /// The frame whose middle row is seen at `t`, the session's `index`-th, on this thread.
     pub fn frame(&self, world: &World, t: RigNs, index: u64, seed: u64) -> Frame {
         self.render(world, t, index, seed, None)

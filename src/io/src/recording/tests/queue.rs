@@ -115,6 +115,7 @@ fn what_does_not_fit_is_missing_in_the_recording_alone_counted_and_in_gaps() {
     };
     (0..6).for_each(|n| assert_eq!(push(n), Ok(Delivery::Taken), "no source is held up"));
     wait_until("four of six are lost", || thread.status().dropped >= 4);
+    std::thread::sleep(Duration::from_millis(250)); // two of the ledger's ticks, 100 ms apart
     gate.set(true);
     wait_until("the queue is empty again", || thread.status().queued_bytes == 0);
     assert_eq!(push(6), Ok(Delivery::Taken));
