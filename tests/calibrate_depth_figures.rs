@@ -95,12 +95,15 @@ fn score(done: &DepthCalibration, truth: &Isometry3<f64>, scene: &Scene, camera:
 }
 
 fn run(row: &Row, seeds: std::ops::Range<u64>) -> Vec<Trial> {
-    let trials: Vec<Trial> = seeds.map(|seed| trial(row, seed).0).collect();
-    let of = |value: &dyn Fn(&Trial) -> f64| spread(trials.iter().map(value));
+    let (accepted, refused): (Vec<Trial>, Vec<Trial>) =
+        seeds.map(|seed| trial(row, seed).0).partition(|trial| trial.status < Status::Fail);
+    let of = |value: &dyn Fn(&Trial) -> f64| spread(accepted.iter().map(value));
     println!(
-        "{}: N {}, rotation {:.3?} deg, translation {:.2?} mm, scale {:.5?}, depths {:.2?} -> {:.2?} mm, worst {:.2?} (median, worst)",
+        "{}: {} accepted, {} refused; rotation {:.3?} deg, translation {:.2?} mm, scale {:.5?}, depths {:.2?} -> {:.2?} mm, worst \
+         {:.2?} (median, worst)",
         row.name,
-        trials.len(),
+        accepted.len(),
+        refused.len(),
         of(&|t| t.rotation_deg),
         of(&|t| t.translation_mm),
         of(&|t| t.scale.abs()),
@@ -108,17 +111,19 @@ fn run(row: &Row, seeds: std::ops::Range<u64>) -> Vec<Trial> {
         of(&|t| t.after_mm),
         of(&|t| t.worst_mm)
     );
-    trials
+    accepted
 }
 
 #[test]
 #[ignore = "minutes: the table of docs/calibration-kinect.md"]
-fn twenty_cameras_are_within_the_accepted_figures() {
+fn cameras_that_are_accepted_are_within_the_figures_asked_for() {
+    // Boards in random poses: some sets are refused, because their normals do not fix the place.
     let trials = run(&WARPED, 101..121);
+    assert!(trials.len() >= 16, "{}", trials.len());
     let of = |value: &dyn Fn(&Trial) -> f64| spread(trials.iter().map(value));
     let (degrees, mm) = (of(&|t| t.rotation_deg), of(&|t| t.translation_mm));
     assert!(degrees.0 <= 0.225 && mm.0 <= 6.0 && degrees.1 <= 0.6 && mm.1 <= 12.0, "{degrees:?} {mm:?}");
     let (scale, left) = (of(&|t| t.scale.abs()), of(&|t| t.after_mm));
-    assert!(scale.0 <= 0.001 && left.0 <= 2.0, "{scale:?} {left:?}");
-    assert!(trials.iter().all(|trial| trial.before_mm > 15.0 && trial.status < Status::Fail));
+    assert!(scale.1 <= 0.001 && left.1 <= 2.0, "{scale:?} {left:?}");
+    assert!(trials.iter().all(|trial| trial.before_mm > 15.0));
 }

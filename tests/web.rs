@@ -5,7 +5,7 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use tungstenite::Message;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
@@ -172,23 +172,85 @@ fn the_page_shows_in_a_browser_that_it_is_simulated_and_tracks_with_a_rate_and_f
         assert!(began.elapsed() < PATIENCE, "the canvas is blank");
         std::thread::sleep(Duration::from_millis(100));
     }
+    // A recording is begun and ended from the page.
+    until(&mut browser, "recording", |text| text == "not recording");
+    browser.press("record");
+    until(&mut browser, "told", |text| text.starts_with("recording ("));
+    until(&mut browser, "record", |text| text == "Stop recording");
+    browser.press("record");
+    until(&mut browser, "told", |text| text.starts_with("recorded (") && text.contains(".mcap"));
+    assert!(browser.complaints().is_empty(), "{:?}", browser.complaints());
 
     daemon.signal("TERM");
     assert_eq!(daemon.finish().code, Some(0));
-    let began = Instant::now();
-    while browser.text_of("origin") != "NOT CONNECTED" {
-        assert!(began.elapsed() < PATIENCE, "it still says {}", browser.text_of("origin"));
-        std::thread::sleep(Duration::from_millis(100));
-    }
+    until(&mut browser, "origin", |text| text == "NOT CONNECTED");
     // A daemon comes back at the same address, and the page finds it by itself.
     let at = format!("stream.http={http}");
     let again =
         Daemon::start(&bench, &[&["run", "--sim", "demo", "--json"], &FREE_PORTS[..], &["--set", &at]].concat());
-    let began = Instant::now();
-    while browser.text_of("origin") != "SIMULATED" {
-        assert!(began.elapsed() < PATIENCE, "it still says {}", browser.text_of("origin"));
-        std::thread::sleep(Duration::from_millis(100));
-    }
+    until(&mut browser, "origin", |text| text == "SIMULATED");
     again.signal("TERM");
     assert_eq!(again.finish().code, Some(0));
+}
+
+/// Waits until an element's text is as wanted.
+fn until(browser: &mut Browser, id: &str, is_so: impl Fn(&str) -> bool) {
+    let began = Instant::now();
+    loop {
+        let text = browser.text_of(id);
+        if is_so(&text) {
+            return;
+        }
+        assert!(began.elapsed() < PATIENCE, "{id} says {text:?}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// Sends an order for the transport, and gives the answer's status and what it says.
+fn steer(address: SocketAddr, order: &str) -> (u16, Value) {
+    let mut stream = TcpStream::connect(address).expect("connects");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    let head = format!("Host: {address}\r\nConnection: close\r\nContent-Type: application/json");
+    write!(stream, "POST /api/transport HTTP/1.1\r\n{head}\r\nContent-Length: {}\r\n\r\n{order}", order.len())
+        .expect("sends");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("an answer");
+    let (head, body) = answer.split_once("\r\n\r\n").expect("a head");
+    let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).expect("a status");
+    (status, serde_json::from_str(body).unwrap_or_default())
+}
+
+#[test]
+fn a_replay_is_held_sent_on_and_begun_anew_over_http_and_in_a_browser() {
+    let bench = Workbench::new();
+    assert_eq!(bench.run(&["simulate", "demo", "-o", "sim", "--duration", "3s"]).code, 0);
+    let replay =
+        ["replay", "sim/capture.mcap", "--config", "sim/rig.toml", "--serve", "--hold", "--speed", "1", "--json"];
+    let daemon = Daemon::start(&bench, &[&replay[..], &FREE_PORTS].concat());
+    let http = daemon.http.expect("a page");
+    let (status, report) = steer(http, r#"{"do":"pause"}"#);
+    assert_eq!((status, &report["paused"], &report["allowed"]), (200, &json!(true), &json!(true)), "{report}");
+    assert!(get(http, "/api/control", "").1.contains(r#""allowed":false"#), "a replay takes no orders");
+    assert_eq!(steer(http, r#"{"do":"fly"}"#).0, 400);
+    let (status, report) = steer(http, r#"{"do":"to","value":1.5}"#);
+    assert_eq!(status, 200, "{report}");
+    once(http, "/api/transport", |_, body| {
+        let report: Value = serde_json::from_str(body).unwrap_or_default();
+        report["paused"] == true && report["t_s"].as_f64().is_some_and(|t_s| (1.4..1.6).contains(&t_s))
+    });
+    if let Some(mut browser) = Browser::open(&bench, &format!("http://{http}/")) {
+        until(&mut browser, "origin", |text| text == "REPLAY" || text == "SIMULATED");
+        until(&mut browser, "position", |text| text.starts_with("held at 1."));
+        browser.press("play");
+        until(&mut browser, "position", |text| text.starts_with("at its end"));
+        assert!(browser.complaints().is_empty(), "{:?}", browser.complaints());
+        browser.press("restart");
+        until(&mut browser, "told", |text| text.starts_with("plays 1 times as fast"));
+    }
+    steer(http, r#"{"do":"speed","value":"max"}"#);
+    steer(http, r#"{"do":"play"}"#);
+    once(http, "/api/transport", |_, body| body.contains(r#""ended":true"#));
+    assert_eq!(get(http, "/healthz", "").0, 200, "nothing comes any more, and that is well");
+    daemon.signal("TERM");
+    assert_eq!(daemon.finish().code, Some(0));
 }

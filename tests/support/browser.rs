@@ -18,6 +18,8 @@ pub(crate) struct Browser {
     child: Child,
     page: WebSocket<TcpStream>,
     asked: u64,
+    /// What the page's console calls an error: scripts that failed, requests that were refused.
+    complaints: Vec<String>,
 }
 
 impl Browser {
@@ -47,22 +49,45 @@ impl Browser {
         let stream = TcpStream::connect(&port).expect("connects");
         stream.set_read_timeout(Some(Duration::from_secs(30))).expect("a timeout");
         let (page, _) = tungstenite::client::client(&*address, stream).expect("accepted");
-        Some(Self { child, page, asked: 0 })
+        let mut browser = Self { child, page, asked: 0, complaints: Vec::new() };
+        // What the log holds already is told then.
+        browser.request("Log.enable", &json!({}));
+        browser.request("Runtime.enable", &json!({}));
+        Some(browser)
     }
 
     /// The value of an expression in the page.
     pub(crate) fn value(&mut self, expression: &str) -> Value {
+        let mut answer = self.request("Runtime.evaluate", &json!({ "expression": expression, "returnByValue": true }));
+        answer["result"]["result"]["value"].take()
+    }
+
+    fn request(&mut self, method: &str, params: &Value) -> Value {
         self.asked += 1;
-        let params = json!({ "expression": expression, "returnByValue": true });
-        let request = json!({ "id": self.asked, "method": "Runtime.evaluate", "params": params });
+        let request = json!({ "id": self.asked, "method": method, "params": params });
         self.page.send(Message::text(request.to_string())).expect("sends");
         loop {
             let Message::Text(text) = self.page.read().expect("an answer") else { continue };
-            let mut answer: Value = serde_json::from_str(&text).expect("JSON");
+            let answer: Value = serde_json::from_str(&text).expect("JSON");
             if answer["id"] == self.asked {
-                return answer["result"]["result"]["value"].take();
+                return answer;
+            }
+            let failed = answer["method"] == "Runtime.exceptionThrown";
+            if failed || (answer["method"] == "Log.entryAdded" && answer["params"]["entry"]["level"] == "error") {
+                self.complaints.push(answer["params"].to_string());
             }
         }
+    }
+
+    /// What the page's console called an error up to now.
+    pub(crate) fn complaints(&mut self) -> &[String] {
+        self.value("1");
+        &self.complaints
+    }
+
+    /// Presses a button.
+    pub(crate) fn press(&mut self, id: &str) {
+        self.value(&format!("document.getElementById('{id}').click()"));
     }
 
     /// The text of an element.

@@ -375,10 +375,8 @@ fn patch_row(patch: &Patch, plane: &Plane, state: &State, camera: &dyn Camera) -
         let change = Vector3::new(moved[0] - ray[0], moved[1] - ray[1], 0.0) / small;
         set(&mut row, LENS + n, met / cosine * plane.normal.dot(&change));
     }
-    let mut own = Own::zeros();
-    own[0] = met / cosine * a.dot(&rho);
-    own[1] = met / cosine * b.dot(&rho);
-    own[2] = -1.0 / cosine;
+    let tilt = met / cosine;
+    let own = Own::from([tilt * a.dot(&rho), tilt * b.dot(&rho), -1.0 / cosine, 0.0, 0.0, 0.0]);
     Some((residual, row, own))
 }
 

@@ -111,13 +111,12 @@ impl Model {
 /// Published surfaces of warm cameras have 5 to 10 mm at 2 m.
 pub(super) fn prior(unknown: usize, power: u8) -> f64 {
     match unknown {
-        0..3 => 0.5,
-        3..6 => 0.5,
+        0..6 => 0.5,
         SCALE => 0.05,
         SURFACE if power == 0 => 0.0025,
         SURFACE => 0.0006,
-        7..17 if power == 0 => 0.005,
-        7..17 => 0.00125,
+        8..17 if power == 0 => 0.005,
+        8..17 => 0.00125,
         17..21 => 20.0,
         21..23 => 0.2,
         _ => 3.0,

@@ -151,6 +151,28 @@ pub(super) fn overlay(title: &str, names: [&str; 2], axes: [&str; 2], points: [&
     svg + "</svg>"
 }
 
+/// Numbers over a picture, cell by cell, row by row: one sign in one colour, the other in the other, the stronger the larger.
+pub(super) fn map(title: &str, [columns, rows]: [usize; 2], cells: &[Option<f64>], full: f64) -> String {
+    let (top, left) = (26.0, 6.0);
+    let (width, height) = ((WIDTH - 2.0 * left) / columns.max(1) as f64, (HEIGHT - top - 6.0) / rows.max(1) as f64);
+    let mut svg = open(title);
+    for (n, value) in cells.iter().enumerate().take(columns * rows) {
+        let (x, y) = (left + (n % columns) as f64 * width, top + (n / columns) as f64 * height);
+        let Some(value) = value else { continue };
+        let colour = if *value < 0.0 { "var(--c1)" } else { "var(--c0)" };
+        svg.push_str(&format!(
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" style=\"fill:{colour};opacity:{:.2}\"/>",
+            (value.abs() / full).clamp(0.05, 0.85)
+        ));
+        svg.push_str(&format!(
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" style=\"font-size:8px\">{value:.1}</text>",
+            x + 0.5 * width,
+            y + 0.5 * height + 3.0
+        ));
+    }
+    svg + "</svg>"
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -178,26 +200,4 @@ mod tests {
         // 2 m along x fill 372, so 1 m along y is 186: from 130 + 93 to 130 − 93.
         assert!(svg.contains("cy=\"223.0\"") && svg.contains("cy=\"37.0\""), "{svg}");
     }
-}
-
-/// Numbers over a picture, cell by cell, row by row: one sign in one colour, the other in the other, the stronger the larger.
-pub(super) fn map(title: &str, [columns, rows]: [usize; 2], cells: &[Option<f64>], full: f64) -> String {
-    let (top, left) = (26.0, 6.0);
-    let (width, height) = ((WIDTH - 2.0 * left) / columns.max(1) as f64, (HEIGHT - top - 6.0) / rows.max(1) as f64);
-    let mut svg = open(title);
-    for (n, value) in cells.iter().enumerate().take(columns * rows) {
-        let (x, y) = (left + (n % columns) as f64 * width, top + (n / columns) as f64 * height);
-        let Some(value) = value else { continue };
-        let colour = if *value < 0.0 { "var(--c1)" } else { "var(--c0)" };
-        svg.push_str(&format!(
-            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" style=\"fill:{colour};opacity:{:.2}\"/>",
-            (value.abs() / full).clamp(0.05, 0.85)
-        ));
-        svg.push_str(&format!(
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" style=\"font-size:8px\">{value:.1}</text>",
-            x + 0.5 * width,
-            y + 0.5 * height + 3.0
-        ));
-    }
-    svg + "</svg>"
 }

@@ -34,6 +34,7 @@ const WORDS: &str = include_str!("page/words.js");
 const VIEW: &str = include_str!("page/view.js");
 const PLOTS: &str = include_str!("page/plots.js");
 const SCRIPT: &str = include_str!("page/page.js");
+const ORDERS: &str = include_str!("page/orders.js");
 
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 pub(super) const TEXT: &str = "text/plain; charset=utf-8";
@@ -191,6 +192,7 @@ fn router(served: Served) -> Router {
         .route("/words.js", file(JAVASCRIPT, WORDS))
         .route("/view.js", file(JAVASCRIPT, VIEW))
         .route("/plots.js", file(JAVASCRIPT, PLOTS))
+        .route("/orders.js", file(JAVASCRIPT, ORDERS))
         .route("/page.js", file(JAVASCRIPT, SCRIPT))
         .route("/healthz", get(healthz))
         .route("/api/state", get(api_state))
@@ -212,8 +214,13 @@ fn router(served: Served) -> Router {
 }
 
 async fn healthz(State(served): State<Served>) -> Response {
-    match served.latest.known().well() {
+    let known = served.latest.known();
+    match known.well() {
         Ok(()) => of_kind(StatusCode::OK, TEXT, "ok\n"),
+        // Nothing comes while a replay is held, or after its end.
+        Err(_) if !known.failed() && served.transport.as_ref().is_some_and(Transport::rests) => {
+            of_kind(StatusCode::OK, TEXT, "ok: the replay is held, or at its end\n")
+        }
         Err(reason) => of_kind(StatusCode::SERVICE_UNAVAILABLE, TEXT, format!("{reason}\n")),
     }
 }

@@ -170,7 +170,7 @@ fit.onclick = () => { view.follows = !view.follows; };
 
 setInterval(() => {
   // A link that is dead without a word is closed, and made anew.
-  if (isConnected && Date.now() - heard > SILENT_MS) socket.close();
+  if (isConnected && !rests() && Date.now() - heard > SILENT_MS) socket.close();
   fit.setAttribute("aria-pressed", String(view.follows));
   showState();
   answer(state, health, since, isConnected);

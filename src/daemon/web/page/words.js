@@ -109,3 +109,27 @@ function answer(state, health, since, isConnected) {
   }
   setText("q-todo", todo.join(" "), todo[0].startsWith("Nothing") ? "good" : "");
 }
+
+const ORDERED = {
+  learn_background: "the empty room is being learned", forget_background: "the room is forgotten",
+  reset_filter: "the target is found anew", marker: "the marker stands in the recording",
+  record_start: "recording", record_stop: "recorded", snapshot: "written", note: "noted",
+};
+
+const fileName = (path) => path.split("/").pop();
+
+function doneWords(reply) {
+  const { recording: file, order } = reply;
+  const words = `${ORDERED[order] || order} (at ${digits(reply.t_ns * 1e-9, 1)} s)`;
+  if (!file) return words;
+  return order === "record_start" ? `${words}: ${fileName(file.file)}` : `${words}: ${fileName(file.file)}, ${digits(file.covers_s, 1)} s, ${bytes(file.bytes)}`;
+}
+
+const recordingWords = (recording) => (recording ? `${fileName(recording.file)}, ${bytes(recording.bytes)}` : "not recording");
+
+function transportWords(transport) {
+  const at = transport.t_s === null ? "not begun" : `at ${digits(transport.t_s, 1)} s`;
+  if (transport.ended) return `at its end, ${at}`;
+  if (transport.paused) return `held ${at}`;
+  return `plays ${transport.speed === null ? "as fast as it can" : `${transport.speed} times as fast`}, ${at}`;
+}
