@@ -62,7 +62,7 @@ pub fn make(frames: &[KeptFrame], tracker: Option<(u32, &Tracker)>, settings: &R
         None => of_it().map(|kept| RegisteredFrame::new(&kept.frame, &kept.t_rig_target, None)).collect(),
     };
     let fused = fuse(&registered);
-    let model = reconstruct(&fused.points, settings);
+    let model = reconstruct(&fused.points, &registered, settings);
     let others = frames.len() - registered.len();
     Some(Made { target, frames: registered, others, fused, model, settings: *settings })
 }
@@ -78,7 +78,7 @@ impl Made {
     /// The same fused points with no planes looked for.
     pub fn without_planes(self) -> Self {
         let settings = ReconSettings { planes: false, ..self.settings };
-        Self { model: reconstruct(&self.fused.points, &settings), settings, ..self }
+        Self { model: reconstruct(&self.fused.points, &self.frames, &settings), settings, ..self }
     }
 
     /// How thick the points of a kind of sensor lie about the planes they are on. `None`: it has none on a plane.

@@ -127,7 +127,7 @@ fn work(shared: &Shared, origin: StreamOrigin) {
 
 fn contour(origin: StreamOrigin, snapshot: &Snapshot) -> ContourLine {
     let points: Vec<FusedPoint> = snapshot.surfels.rows().map(|surfel| point(&surfel)).collect();
-    let made = reconstruct(&points, &ReconSettings::default());
+    let made = reconstruct(&points, &[], &ReconSettings::default());
     let edges = made.edges.iter().map(ContourEdge::new).collect();
     ContourLine::new(origin, (snapshot.target, snapshot.epoch), snapshot.times, made.planes.len(), edges)
 }

@@ -2,7 +2,7 @@
 
 use super::contour::{Edge, EdgeKind};
 use super::plane::FoundPlane;
-use super::{FusedPoint, Reconstruction};
+use super::rim::{Rim, Strip};
 use nalgebra::{Point2, Vector2};
 
 /// An outline is split where it is off its chord by so many cells (Douglas and Peucker 1973).
@@ -12,15 +12,18 @@ const SHORTEST_M: f64 = 0.04;
 /// Points this far inside and outside a side belong to it, in cells.
 const INSIDE: f64 = 3.0;
 const OUTSIDE: f64 = 1.5;
-/// A side with points beyond it, up to so many cells away, one for every fifth cell, is a gap in what was seen.
+/// A side with points beyond it, up to so many cells away, along so much of it, is a gap in what was seen. A strut that goes on from a
+/// plate is none.
 const BEYOND: f64 = 8.0;
-const GOES_ON: f64 = 0.2;
-/// A line whose direction is known no better than this is none: 2°, rad.
-const VAGUE_RAD: f64 = 0.035;
+const GOES_ON: f64 = 0.35;
+/// A line is published where its direction is known to 1° with 95 %: one standard deviation of half a degree, rad.
+pub(super) const VAGUE_RAD: f64 = 0.008_727;
 /// The outermost points lie a quarter of a spacing inside on the average: those of a voxel that the edge cuts are its mean.
 const INSET: f64 = 0.25;
 /// Stretches with an outermost point, at least, for a line.
 const LEAST_STRETCHES: usize = 4;
+/// So many points of frames say as much as one alone: neighbours and successive frames err alike.
+const ALIKE: f64 = 4.0;
 /// Neighbouring sides that meet at more than this have a corner, sin 20°, so near their ends, in cells.
 const CORNER_SINE: f64 = 0.342;
 const CORNER_CELLS: f64 = 3.0;
@@ -32,28 +35,26 @@ struct Side {
     from: Point2<f64>,
     to: Point2<f64>,
     sigma_m: f64,
-    stretches: usize,
+    /// Points that it was drawn by, as many as are independent.
+    count: f64,
     views_rad: f64,
 }
 
 /// The boundaries of a plane.
-pub(super) fn boundaries(made: &Reconstruction, plane: &FoundPlane, number: u32) -> Vec<Edge> {
-    let members = plane.members.iter().filter_map(|member| made.points.get(*member as usize));
-    let flat: Vec<(Point2<f64>, &FusedPoint)> = members.map(|point| (plane.in_plane(&point.place), point)).collect();
+pub(super) fn boundaries(rim: &Rim, plane: &FoundPlane, number: u32) -> Vec<Edge> {
     let mut edges = Vec::new();
     for outline in plane.raster.outlines() {
         let corners = simplified(&outline, SPLIT * plane.raster.cell_m());
         let next = corners.iter().cycle().skip(1);
         let mut sides: Vec<Option<Side>> =
-            corners.iter().zip(next).map(|(from, to)| side(&flat, plane.raster.cell_m(), from, to)).collect();
+            corners.iter().zip(next).map(|(from, to)| side(rim, plane.raster.cell_m(), from, to)).collect();
         meet_neighbours(&mut sides, CORNER_CELLS * plane.raster.cell_m());
         for side in sides.into_iter().flatten() {
             let length = (side.to - side.from).norm();
             if length < SHORTEST_M {
                 continue;
             }
-            let count = side.stretches as f64;
-            let direction_sigma_rad = side.sigma_m * libm::sqrt(12.0 / count) / length;
+            let direction_sigma_rad = side.sigma_m * libm::sqrt(12.0 / side.count) / length;
             if direction_sigma_rad > VAGUE_RAD {
                 continue;
             }
@@ -63,7 +64,7 @@ pub(super) fn boundaries(made: &Reconstruction, plane: &FoundPlane, number: u32)
                 planes: vec![number],
                 angle_rad: None,
                 // Across the plane as well as in it.
-                sigma_m: libm::hypot(side.sigma_m / libm::sqrt(count), plane.height_sigma_m),
+                sigma_m: libm::hypot(side.sigma_m / libm::sqrt(side.count), plane.height_sigma_m),
                 direction_sigma_rad,
             });
         }
@@ -110,54 +111,50 @@ fn off_segment(place: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64 {
 }
 
 /// The line through the outermost points along a side of an outline that goes anticlockwise.
-fn side(flat: &[(Point2<f64>, &FusedPoint)], cell_m: f64, from: &Point2<f64>, to: &Point2<f64>) -> Option<Side> {
+fn side(rim: &Rim, cell_m: f64, from: &Point2<f64>, to: &Point2<f64>) -> Option<Side> {
     let length = (to - from).norm();
     if length < SHORTEST_M {
         return None;
     }
     let along = (to - from) / length;
     let out = Vector2::new(along.y, -along.x);
-    let mut outermost: Vec<Option<(f64, f64, f64)>> = vec![None; (length / cell_m) as usize + 1];
-    for (place, point) in flat {
-        let offset = place - from;
-        let (at, off) = (offset.dot(&along), offset.dot(&out));
-        if !(0.0..=length).contains(&at) || off < -INSIDE * cell_m || off > OUTSIDE * cell_m {
-            continue;
-        }
-        if let Some(held) = outermost.get_mut((at / cell_m) as usize)
-            && held.is_none_or(|(_, most, _)| off > most)
-        {
-            *held = Some((at, off, point.views_rad));
-        }
-    }
+    let reach = (INSIDE * cell_m, OUTSIDE * cell_m);
+    let strip = Strip { from: *from, along, out, length, reach, stretch: cell_m };
     // Where the surface goes on beyond, it was not seen there often enough: no edge.
-    let beyond = flat.iter().filter(|(place, _)| {
-        let offset = place - from;
-        let (at, off) = (offset.dot(&along), offset.dot(&out));
-        (0.0..=length).contains(&at) && (OUTSIDE * cell_m..BEYOND * cell_m).contains(&off)
-    });
-    if beyond.count() as f64 * cell_m > GOES_ON * length {
+    let farther = Strip { reach: (-OUTSIDE * cell_m, BEYOND * cell_m), ..strip };
+    let beyond = farther.outermost(rim.fused.iter().copied());
+    if beyond.len() as f64 * cell_m > GOES_ON * length {
         return None;
     }
-    let found: Vec<(f64, f64, f64)> = outermost.into_iter().flatten().collect();
-    if found.len() < LEAST_STRETCHES {
+    let outermost = strip.outermost(rim.fused.iter().copied());
+    if outermost.len() < LEAST_STRETCHES {
         return None;
     }
-    let (level, slope, sigma_m) = fitted(&found, cell_m)?;
-    let mut views: Vec<f64> = found.iter().map(|(_, _, views)| *views).collect();
+    let mut views: Vec<f64> = outermost.iter().map(|(_, _, views)| *views).collect();
     let middle = views.len() / 2;
     let views_rad = *views.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let mut last = rim.last_seen(&strip);
+    // At its ends a side goes round the corner.
+    last.retain(|(at, _)| (cell_m..=length - cell_m).contains(at));
+    let stretches = last.len() as f64 / ALIKE;
+    let (places, count) = if stretches >= LEAST_STRETCHES as f64 {
+        (last, stretches)
+    } else {
+        let count = outermost.len() as f64;
+        (outermost.into_iter().map(|(at, off, _)| (at, off)).collect(), count)
+    };
+    let (level, slope, sigma_m) = fitted(&places, cell_m)?;
     let at = |at: f64| from + along * at + out * (level + slope * at + INSET * cell_m);
-    Some(Side { from: at(0.0), to: at(length), sigma_m, stretches: found.len(), views_rad })
+    Some(Side { from: at(0.0), to: at(length), sigma_m, count, views_rad })
 }
 
 /// off = level + slope · at, by least squares in which far points lose their say; with the scatter about it, m.
-fn fitted(found: &[(f64, f64, f64)], cell_m: f64) -> Option<(f64, f64, f64)> {
+fn fitted(found: &[(f64, f64)], cell_m: f64) -> Option<(f64, f64, f64)> {
     let (mut level, mut slope) = (0.0, 0.0);
     let mut scatter = 0.0;
     for round in 0..6 {
         let (mut w, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for (at, off, _) in found {
+        for (at, off) in found {
             let left = off - level - slope * at;
             let robust = if round == 0 { 1.0 } else { 1.0 / (1.0 + left * left / (0.25 * cell_m * cell_m)) };
             let weight = robust * robust;
@@ -173,7 +170,7 @@ fn fitted(found: &[(f64, f64, f64)], cell_m: f64) -> Option<(f64, f64, f64)> {
         }
         slope = (xy * w - x * y) / spread;
         level = (y - slope * x) / w;
-        let left = found.iter().map(|(at, off, _)| (off - level - slope * at).abs());
+        let left = found.iter().map(|(at, off)| (off - level - slope * at).abs());
         scatter = super::robust_sigma(left.collect()).unwrap_or(0.0);
     }
     Some((level, slope, scatter.max(0.1 * cell_m)))

@@ -1,8 +1,9 @@
 //! The contour: creases and boundaries, each edge once.
 
-use super::Reconstruction;
 use super::boundary;
 use super::crease;
+use super::rim::Rim;
+use super::{ReconSettings, Reconstruction, RegisteredFrame};
 use nalgebra::{Point3, Vector3};
 
 /// What an edge is.
@@ -69,9 +70,12 @@ const MERGED_ASIDE_M: f64 = 0.02;
 const MERGED_GAP_M: f64 = 0.05;
 
 /// All edges: creases, what of the boundaries is none, pieces of one edge joined; creases first, then the longest.
-pub(super) fn edges(made: &Reconstruction) -> Vec<Edge> {
+pub(super) fn edges(made: &Reconstruction, frames: &[RegisteredFrame], settings: &ReconSettings) -> Vec<Edge> {
     let creases = merged(crease::creases(made));
-    let ends = made.planes.iter().zip(0u32..).flat_map(|(plane, number)| boundary::boundaries(made, plane, number));
+    let ends = made.planes.iter().zip(0u32..).flat_map(|(plane, number)| {
+        let rim = Rim::of(made, plane, frames, settings);
+        boundary::boundaries(&rim, plane, number)
+    });
     let ends: Vec<Edge> = ends.flat_map(|edge| without(&edge, &creases)).collect();
     let mut edges = creases;
     edges.extend(merged(ends));
@@ -130,26 +134,28 @@ fn are_one(long: &Edge, short: &Edge) -> bool {
     aside && from <= long.length_m() + MERGED_GAP_M && to >= -MERGED_GAP_M
 }
 
-/// One edge of two: direction and place weighted by their lengths, from the first end to the last.
+/// One edge of two: direction and place by their inverse variances, from the first end to the last.
 fn joined(long: &Edge, short: &Edge) -> Edge {
-    let (a, b) = (long.length_m(), short.length_m());
+    let weight = |sigma: f64| 1.0 / (sigma * sigma).max(1e-18);
+    let turns = [long, short].map(|edge| weight(edge.direction_sigma_rad));
     let flipped = if short.direction().dot(&long.direction()) < 0.0 { -1.0 } else { 1.0 };
-    let direction = long.direction() * a + short.direction() * (flipped * b);
+    let direction = long.direction() * turns[0] + short.direction() * (flipped * turns[1]);
     let direction = direction.try_normalize(1e-12).unwrap_or_else(|| long.direction());
     let middle = |edge: &Edge| nalgebra::center(&edge.ends[0], &edge.ends[1]);
-    let place = middle(long) + (middle(short) - middle(long)) * (b / (a + b).max(1e-12));
+    let [a, b] = [long, short].map(|edge| weight(edge.sigma_m));
+    let place = middle(long) + (middle(short) - middle(long)) * (b / (a + b));
     let ends = long.ends.iter().chain(&short.ends).map(|end| (end - place).dot(&direction));
     let (from, to) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), at| (from.min(at), to.max(at)));
     let mut planes = [long.planes.clone(), short.planes.clone()].concat();
     planes.sort_unstable();
     planes.dedup();
-    let kind = long.kind.min(short.kind);
     Edge {
-        kind,
+        kind: long.kind.min(short.kind),
         ends: [place + direction * from, place + direction * to],
         planes,
         angle_rad: long.angle_rad,
-        sigma_m: (long.sigma_m * a + short.sigma_m * b) / (a + b),
-        direction_sigma_rad: (long.direction_sigma_rad * a + short.direction_sigma_rad * b) / (a + b),
+        // What bent one may have bent the other: no better than the better one.
+        sigma_m: long.sigma_m.min(short.sigma_m),
+        direction_sigma_rad: long.direction_sigma_rad.min(short.direction_sigma_rad),
     }
 }

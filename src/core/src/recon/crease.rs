@@ -1,6 +1,7 @@
 //! Creases: where two planes meet, the line π₁ ∧ π₂ of G(4,1).
 
 use super::contour::{Edge, EdgeKind};
+use super::fuse::steady;
 use super::plane::FoundPlane;
 use super::span::{covered, shared};
 use super::{FusedPoint, Reconstruction};
@@ -10,12 +11,10 @@ use nalgebra::{Point3, Vector3};
 /// Planes that meet at less than this have no line: sin 8°.
 const LEAST_SINE: f64 = 0.139_173_101;
 /// Both planes have points so near the line, in spacings; and along it without greater gaps than this.
-const NEAR: f64 = 3.2;
+const NEAR: f64 = 2.0;
 const GAP: f64 = 4.0;
-/// The shortest, m.
-const SHORTEST_M: f64 = 0.035;
-/// A line whose direction is known no better than this is none: 4°, rad.
-const VAGUE_RAD: f64 = 0.07;
+/// The shortest, m: a strut's width where it meets a wall is none.
+const SHORTEST_M: f64 = 0.05;
 /// An end so near a third plane's points, in spacings, is the corner of the three.
 const CORNER: f64 = 3.5;
 /// A third plane crosses the line at no smaller sine.
@@ -61,7 +60,7 @@ pub(super) fn creases(made: &Reconstruction) -> Vec<Edge> {
                 }
                 let ends = ends.map(|at| line.place + line.direction * at);
                 let crease = edge(first, second, [*a, *b], &line, ends);
-                if crease.direction_sigma_rad <= VAGUE_RAD {
+                if crease.direction_sigma_rad <= super::boundary::VAGUE_RAD {
                     creases.push(crease);
                 }
             }
@@ -72,8 +71,7 @@ pub(super) fn creases(made: &Reconstruction) -> Vec<Edge> {
 
 /// Where along a line a plane's points near it lie.
 fn along(points: &[FusedPoint], plane: &FoundPlane, line: &Line, near: f64) -> Vec<f64> {
-    let of_plane = plane.members.iter().filter_map(|member| points.get(*member as usize));
-    let at = of_plane.filter_map(|point| {
+    let at = steady(points, &plane.members).filter_map(|point| {
         let from = point.place - line.place;
         let at = from.dot(&line.direction);
         (from.norm_squared() - at * at <= near * near).then_some(at)

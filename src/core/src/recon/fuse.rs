@@ -93,6 +93,21 @@ pub struct Fused {
     pub rare: usize,
 }
 
+/// A camera saw a place of a surface so often, as a share of what is usual on it, or it was a flying pixel that came again.
+const STEADY: f64 = 0.2;
+/// So many returns of a LiDAR are no flying pixels: its spots are few on any place.
+const STEADY_RETURNS: u32 = 2;
+
+/// Those of a surface's points, by their numbers, that were seen often enough to tell where it ends.
+pub(super) fn steady<'a>(points: &'a [FusedPoint], members: &'a [u32]) -> impl Iterator<Item = &'a FusedPoint> {
+    let of_it = || members.iter().filter_map(|member| points.get(*member as usize));
+    let mut counts: Vec<u32> = of_it().map(|point| point.kinect).collect();
+    let middle = counts.len() / 2;
+    let usual = if counts.is_empty() { 0 } else { *counts.select_nth_unstable(middle).1 };
+    let least = STEADY * f64::from(usual);
+    of_it().filter(move |point| f64::from(point.kinect) >= least || point.lidar >= STEADY_RETURNS)
+}
+
 /// What was seen of one surfel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {

@@ -1,5 +1,6 @@
 //! Planes grown from the flattest points on, and merged (method.md §6).
 
+use super::fuse::steady;
 use super::moments::{Fitted, Moments};
 use super::plane::FoundPlane;
 use super::raster::Raster;
@@ -293,7 +294,7 @@ fn found(cloud: &Cloud<'_>, members: Vec<u32>, spacing_m: f64) -> Option<FoundPl
         members: Vec::new(),
         raster: Raster::default(),
     };
-    let flat: Vec<_> = all().map(|(point, _)| made.in_plane(&point.place)).collect();
+    let flat: Vec<_> = steady(cloud.points, &members).map(|point| made.in_plane(&point.place)).collect();
     made.raster = Raster::of(&flat, CELL * spacing_m);
     made.area_m2 = made.raster.occupied() as f64 * made.raster.cell_m() * made.raster.cell_m();
     made.members = members;

@@ -4,7 +4,7 @@
 //! ```text
 //!   registered frames ─▶ fuse ─▶ points ─▶ grow, merge ─▶ planes ─┬▶ flatten: points on their planes
 //!                                                                 ├▶ crease: where two planes meet ────┐
-//!                                                                 └▶ raster, boundary: where one ends ─┴▶ contour
+//!                                                                 └▶ raster, rim, boundary: where one ends ─┴▶ contour
 //! ```
 //!
 //! * [`fuse()`]: points of frames, one for each bit of surface, by their inverse variances;
@@ -21,6 +21,7 @@ mod grow;
 mod moments;
 pub mod plane;
 mod raster;
+mod rim;
 pub mod score;
 mod span;
 #[cfg(test)]
@@ -75,8 +76,9 @@ const OTHER_STRUCTURE: f64 = 3.0;
 /// A point faces as its plane does: the least cosine of their normals, for one that is laid on a plane found without it.
 const SAME_FACING: f64 = 0.5;
 
-/// Planes, points without scatter, and the contour.
-pub fn reconstruct(points: &[FusedPoint], settings: &ReconSettings) -> Reconstruction {
+/// Planes, points without scatter, and the contour. `frames`: those that the points were fused of, by which boundaries are drawn
+/// sharper than by the points; none: they are drawn by the points.
+pub fn reconstruct(points: &[FusedPoint], frames: &[RegisteredFrame], settings: &ReconSettings) -> Reconstruction {
     let places: Vec<Point3<f32>> = points.iter().map(|point| point.place.cast()).collect();
     let tree = KdTree::build(&places);
     let spacing_m = spacing_m(&tree, &places);
@@ -103,7 +105,7 @@ pub fn reconstruct(points: &[FusedPoint], settings: &ReconSettings) -> Reconstru
         let sigma_m = libm::hypot(point.sigma_m, settings.slow_sigma_m);
         point.place = without_scatter(plane, &point.place, sigma_m, settings.surface_sigma_m);
     }
-    made.edges = contour::edges(&made);
+    made.edges = contour::edges(&made, frames, settings);
     made
 }
 

@@ -88,7 +88,7 @@ fn box_edges() -> Vec<[Point3<f64>; 2]> {
 #[test]
 fn a_boxs_twelve_edges_are_found_at_5_mm_noise() {
     let fused = fuse(&frames(SensorKind::Kinect, 24, 250, 0.005, 3));
-    let made = reconstruct(&fused.points, &ReconSettings::default());
+    let made = reconstruct(&fused.points, &[], &ReconSettings::default());
     assert_eq!(made.planes.len(), 6);
     let creases: Vec<&Edge> = made.edges.iter().filter(|edge| edge.kind == EdgeKind::Crease).collect();
     assert_eq!((creases.len(), made.edges.len()), (12, 12), "{:#?}", made.edges);
@@ -110,7 +110,7 @@ fn a_boxs_twelve_edges_are_found_at_5_mm_noise() {
 #[test]
 fn a_planes_stated_uncertainty_holds_its_error() {
     let fused = fuse(&frames(SensorKind::Kinect, 24, 250, 0.005, 5));
-    let made = reconstruct(&fused.points, &ReconSettings::default());
+    let made = reconstruct(&fused.points, &[], &ReconSettings::default());
     for plane in &made.planes {
         let outward = placed().inverse() * plane.normal;
         let axis = outward.iamax();
@@ -134,7 +134,7 @@ fn a_lidars_points_are_put_on_the_planes_to_a_quarter_of_their_distance() {
     all.extend(frames(SensorKind::Lidar, 24, 40, 0.018, 8));
     let fused = fuse(&all);
     let settings = ReconSettings::default();
-    let made = reconstruct(&fused.points, &settings);
+    let made = reconstruct(&fused.points, &[], &settings);
     let true_distance = |place: &Point3<f64>| {
         let inside = placed().inverse() * place;
         (0..3).map(|axis| (inside[axis].abs() - 0.5 * SIZE[axis]).abs()).fold(f64::INFINITY, f64::min)
@@ -167,7 +167,7 @@ fn what_is_no_plane_stays_as_it_was_measured() {
             FusedPoint { place, normal: out, sigma_m: 0.002, kinect: 9, lidar: 0, views_rad: 1.0 }
         })
         .collect();
-    let made = reconstruct(&points, &ReconSettings::default());
+    let made = reconstruct(&points, &[], &ReconSettings::default());
     assert_eq!((made.planes.len(), made.edges.len()), (0, 0));
     assert_eq!(made.points, points);
 }
@@ -184,7 +184,7 @@ fn sides_of_a_thin_panel_are_two_planes() {
             .collect()
     };
     let points = [side(1.0, &mut rng), side(-1.0, &mut rng)].concat();
-    let made = reconstruct(&points, &ReconSettings::default());
+    let made = reconstruct(&points, &[], &ReconSettings::default());
     assert_eq!(made.planes.len(), 2);
     assert!(made.planes[0].normal.dot(&made.planes[1].normal) < -0.999);
     assert!(made.planes.iter().all(|plane| (plane.height_m - 0.0075).abs() < 0.001));
@@ -200,7 +200,7 @@ fn sides_of_a_thin_panel_are_two_planes() {
 #[test]
 fn no_points_and_nonsense_have_no_planes() {
     let settings = ReconSettings::default();
-    let nothing = reconstruct(&[], &settings);
+    let nothing = reconstruct(&[], &[], &settings);
     assert_eq!(nothing, Reconstruction { spacing_m: nothing.spacing_m, ..Reconstruction::default() });
     let nonsense = FusedPoint {
         place: Point3::new(f64::NAN, 0.0, f64::INFINITY),
@@ -210,5 +210,5 @@ fn no_points_and_nonsense_have_no_planes() {
         lidar: 0,
         views_rad: 0.0,
     };
-    assert!(reconstruct(&vec![nonsense; 100], &settings).planes.is_empty());
+    assert!(reconstruct(&vec![nonsense; 100], &[], &settings).planes.is_empty());
 }

@@ -20,6 +20,9 @@ const SAMPLE_M2: f64 = 2.5e-4;
 const EDGE_COSINE: f64 = 0.939_692_6;
 /// True edges shorter than this, m, are pieces of something round, or too small to ask for.
 const SHORTEST_M: f64 = 0.05;
+/// Where no facet that ends at an edge is wider than this, m, the facets stand for something round: the mast, a nozzle,
+/// which have no edges there. The narrowest plate of a target is 3 cm wide.
+const ROUND_M: f64 = 0.02;
 
 /// The truth that models are held against, mesh's frame.
 #[derive(Clone, Debug)]
@@ -30,7 +33,7 @@ pub struct SeenTruth {
     pub area: Vec<Point3<f64>>,
     /// All edges, those where parts cut each other among them.
     pub edges: Vec<TrueEdge>,
-    /// Places of edges of 5 cm and more that were seen, with the edges' directions.
+    /// Places of edges of 5 cm and more that were seen, with the edges' directions; without those between the facets of round parts.
     pub seen_edges: Vec<(Point3<f64>, Vector3<f64>)>,
 }
 
@@ -43,7 +46,7 @@ impl SeenTruth {
         let area = samples(corners()).into_iter().filter(|(place, out)| looks.see(place, &[*out]));
         let area = area.map(|(place, _)| place).collect();
         let edges = edges(mesh);
-        let long = edges.iter().filter(|(edge, _)| edge.length_m() >= SHORTEST_M);
+        let long = edges.iter().filter(|(edge, _)| edge.length_m() >= SHORTEST_M && widest_m(mesh, edge) > ROUND_M);
         let seen_edges = long.flat_map(|(edge, normals)| {
             let direction = (edge.ends[1] - edge.ends[0]).normalize();
             let seen: Vec<_> = edge.places().filter(|place| looks.see(place, normals)).collect();
@@ -135,6 +138,15 @@ fn edges(mesh: &Mesh) -> Vec<(TrueEdge, Vec<Vector3<f64>>)> {
         edges.remove(dropped);
     }
     edges
+}
+
+/// How far the widest facet with a side on an edge reaches away from it, m.
+fn widest_m(mesh: &Mesh, edge: &TrueEdge) -> f64 {
+    let along = (edge.ends[1] - edge.ends[0]).normalize();
+    let off = |corner: &Point3<f64>| (corner - edge.ends[0]).cross(&along).norm();
+    let corners = mesh.triangles.iter().filter_map(|triangle| mesh.corners(triangle));
+    let with_a_side_on_it = corners.filter(|corners| corners.iter().filter(|corner| off(corner) < 1e-6).count() == 2);
+    with_a_side_on_it.flatten().map(|corner| off(&corner)).fold(0.0, f64::max)
 }
 
 /// Two edges that go on in one another.
