@@ -184,8 +184,26 @@ fn sides_of_a_thin_panel_are_two_planes() {
             .collect()
     };
     let points = [side(1.0, &mut rng), side(-1.0, &mut rng)].concat();
-    let made = reconstruct(&points, &[], &ReconSettings::default());
+    // Frames of it, each with points of its own.
+    let frames: Vec<RegisteredFrame> = (0..24)
+        .map(|number| {
+            let seen = [side(1.0, &mut rng), side(-1.0, &mut rng)].concat();
+            let seen = seen.iter().map(|FusedPoint { place, normal, sigma_m, .. }| Sighting {
+                place: *place,
+                normal: *normal,
+                sigma_m: *sigma_m,
+            });
+            let viewpoint = Point3::new(0.3, 0.15, 2.0);
+            RegisteredFrame { kind: SensorKind::Kinect, t: RigNs(number), viewpoint, points: seen.collect() }
+        })
+        .collect();
+    let made = reconstruct(&points, &frames, &ReconSettings::default());
     assert_eq!(made.planes.len(), 2);
+    // The longer sides run along x, to a quarter of a degree and within what is stated.
+    for edge in made.edges.iter().filter(|edge| edge.length_m() > 0.45) {
+        let off = libm::acos(edge.direction().x.abs().min(1.0));
+        assert!(off < 0.004_4 && off < 4.0 * edge.direction_sigma_rad, "{edge:?}");
+    }
     assert!(made.planes[0].normal.dot(&made.planes[1].normal) < -0.999);
     assert!(made.planes.iter().all(|plane| (plane.height_m - 0.0075).abs() < 0.001));
     // Four boundaries, each of both sides: 15 mm apart they are one edge. Points are 9.5 mm apart, so that corners are known to
