@@ -13,6 +13,7 @@ use tungstenite::http::HeaderValue;
 use crate::support::Workbench;
 use crate::support::browser::Browser;
 use crate::support::daemon::{Daemon, FREE_PORTS};
+use crate::support::replaying::Replaying;
 
 /// So long is waited for what has to happen; a machine that is busy may take its time.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -224,10 +225,9 @@ fn steer(address: SocketAddr, order: &str) -> (u16, Value) {
 fn a_replay_is_held_sent_on_and_begun_anew_over_http_and_in_a_browser() {
     let bench = Workbench::new();
     assert_eq!(bench.run(&["simulate", "demo", "-o", "sim", "--duration", "3s"]).code, 0);
-    let replay =
-        ["replay", "sim/capture.mcap", "--config", "sim/rig.toml", "--serve", "--hold", "--speed", "1", "--json"];
-    let daemon = Daemon::start(&bench, &[&replay[..], &FREE_PORTS].concat());
-    let http = daemon.http.expect("a page");
+    let held = ["sim/capture.mcap", "--config", "sim/rig.toml", "--hold", "--speed", "1"];
+    let replaying = Replaying::start(&bench, &held);
+    let http = replaying.http;
     let (status, report) = steer(http, r#"{"do":"pause"}"#);
     assert_eq!((status, &report["paused"], &report["allowed"]), (200, &json!(true), &json!(true)), "{report}");
     assert!(get(http, "/api/control", "").1.contains(r#""allowed":false"#), "a replay takes no orders");
@@ -251,6 +251,6 @@ fn a_replay_is_held_sent_on_and_begun_anew_over_http_and_in_a_browser() {
     steer(http, r#"{"do":"play"}"#);
     once(http, "/api/transport", |_, body| body.contains(r#""ended":true"#));
     assert_eq!(get(http, "/healthz", "").0, 200, "nothing comes any more, and that is well");
-    daemon.signal("TERM");
-    assert_eq!(daemon.finish().code, Some(0));
+    replaying.signal("TERM");
+    assert_eq!(replaying.finish().0, Some(0));
 }

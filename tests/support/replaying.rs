@@ -15,6 +15,8 @@ pub(crate) struct Replaying {
     log: BufReader<ChildStderr>,
     said: String,
     pub(crate) stream: SocketAddr,
+    /// Where its page is.
+    pub(crate) http: SocketAddr,
 }
 
 impl Replaying {
@@ -22,20 +24,22 @@ impl Replaying {
     pub(crate) fn start(bench: &Workbench, arguments: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tumbled"));
         command.current_dir(bench.path(".")).arg("replay").args(arguments).arg("--serve");
-        for key in ["stream.tcp=127.0.0.1:0", "stream.unix=", "stream.foxglove="] {
+        for key in ["stream.tcp=127.0.0.1:0", "stream.unix=", "stream.foxglove=", "stream.http=127.0.0.1:0"] {
             command.args(["--set", key]);
         }
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
         let mut log = BufReader::new(child.stderr.take().expect("piped"));
         let mut said = String::new();
-        let address = loop {
+        let told = |said: &str, key: &str| -> Option<SocketAddr> {
+            said.split_whitespace().find_map(|word| word.strip_prefix(key))?.parse().ok()
+        };
+        let (stream, http) = loop {
             assert!(log.read_line(&mut said).expect("a log") > 0, "it ended before it served: {said}");
-            let told = said.split_whitespace().find_map(|word| word.strip_prefix("tcp="));
-            if let Some(address) = told {
-                break address.parse().expect("an address");
+            if let (Some(stream), Some(http)) = (told(&said, "tcp="), told(&said, "http=")) {
+                break (stream, http);
             }
         };
-        Self { child, log, said, stream: address }
+        Self { child, log, said, stream, http }
     }
 
     /// Its lines of some classes, HELLO first, until the connection ends.
