@@ -173,6 +173,7 @@ fn points_are_told_with_covariance_and_where_they_will_be_to_those_who_asked() {
 }
 
 #[test]
+#[ignore = "half a minute: .ci/long sessions"]
 fn a_camera_that_was_turned_is_told_and_one_that_was_not_is_not() {
     let bench = Workbench::new();
     assert_eq!(bench.run(&["simulate", "turntable-20dps", "-o", "sim", "--duration", "15s", "--seed", "4"]).code, 0);

@@ -153,6 +153,7 @@ fn comes_back(rest_s: f64, stops_away: usize, within_s: f64) {
 }
 
 #[test]
+#[ignore = "half a minute: .ci/long sessions"]
 fn a_target_that_is_carried_away_and_brought_back_is_found_in_its_old_frame() {
     comes_back(1.5, 1, 3.0);
 }
