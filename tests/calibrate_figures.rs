@@ -249,11 +249,13 @@ fn are_within_the_worst(trials: &[Trial]) {
 }
 
 #[test]
+#[ignore = "twenty seconds: .ci/long calibration"]
 fn a_board_in_twelve_random_poses_gives_the_kinects_place() {
     are_within_the_worst(&run(&BOARD, 1..3));
 }
 
 #[test]
+#[ignore = "twenty seconds: .ci/long calibration"]
 fn a_sphere_in_fifteen_random_places_gives_the_kinects_place() {
     are_within_the_worst(&run(&SPHERE, 1..2));
 }

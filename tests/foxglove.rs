@@ -1,19 +1,22 @@
 //! The bridge to Foxglove and Lichtblick, seen by a plain WebSocket client.
 
+use std::collections::BTreeSet;
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use foxglove::Decode;
-use foxglove::messages::{FrameTransforms, Log, PointCloud};
+use foxglove::messages::{FrameTransforms, Log, PointCloud, PoseInFrame, RawImage, SceneUpdate};
 use serde_json::{Value, json};
 use tumbled::foxglove::{FoxgloveBridge, FoxgloveConfig, FoxgloveError, SensorPose, VIEW_POINTS};
-use tumbled::stream::{CloudKind, CloudView, EventLine, StreamOrigin};
+use tumbled::stream::{CloudKind, CloudView, EventLine, HealthLine, StateLine, StreamOrigin};
 use tumbled_core::{Gravity, Notice, NoticeKind};
 use tumbled_model::{RigNs, SensorId, UnixNs};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
 use tungstenite::{Message, WebSocket};
 
+use crate::support::Workbench;
+use crate::support::daemon::{Daemon, FREE_PORTS};
 use crate::support::stream::{hello, wait_until};
 
 const UNIX: UnixNs = UnixNs(1_795_341_600_250_000_000);
@@ -48,7 +51,11 @@ fn handshake(address: SocketAddr, protocol: &'static str) -> Result<WebSocket<Tc
 impl Viewer {
     /// Connected, with what the server told first.
     fn connect(bridge: &FoxgloveBridge) -> (Self, Value) {
-        let socket = handshake(bridge.address(), "foxglove.sdk.v1").expect("accepted");
+        Self::connect_to(bridge.address())
+    }
+
+    fn connect_to(address: SocketAddr) -> (Self, Value) {
+        let socket = handshake(address, "foxglove.sdk.v1").expect("accepted");
         let mut viewer = Self { socket, channels: Vec::new() };
         let info = viewer.text();
         let advertised = viewer.text();
@@ -75,12 +82,19 @@ impl Viewer {
         self.socket.send(Message::text(request.to_string())).expect("sends");
     }
 
-    /// The next message's subscription, its stamp and its payload. Its head: opcode 1, subscription u32, stamp u64.
+    /// The next message's subscription, its stamp and its payload. Its head: opcode 1, subscription u32, stamp u64. Channels
+    /// that are advertised meanwhile are added.
     fn data(&mut self) -> (u32, u64, Vec<u8>) {
         let message = loop {
             match self.socket.read().expect("a message") {
                 Message::Binary(bytes) => break bytes,
-                Message::Text(_) | Message::Ping(_) | Message::Pong(_) => {}
+                Message::Text(text) => {
+                    let told: Value = serde_json::from_str(&text).expect("JSON");
+                    if told["op"] == "advertise" {
+                        self.channels.extend(told["channels"].as_array().expect("channels").iter().cloned());
+                    }
+                }
+                Message::Ping(_) | Message::Pong(_) => {}
                 other => panic!("data were expected, not {other:?}"),
             }
         };
@@ -225,4 +239,126 @@ fn a_port_that_is_taken_is_named() {
     let config = FoxgloveConfig { address, ..FoxgloveConfig::default() };
     let error = FoxgloveBridge::start(&config, &hello(), Vec::new()).expect_err("taken");
     assert!(matches!(error, FoxgloveError::Address { .. }) && error.to_string().contains(&address.to_string()));
+}
+
+/// Reads a message as its channel's schema says; panics where it is none, or holds nothing of a target 2.2 m away.
+fn check(topic: &str, schema: &str, payload: &[u8]) {
+    let points = |cloud: &PointCloud| {
+        let stride = cloud.point_stride as usize;
+        assert_eq!(cloud.data.len() % stride, 0, "{topic}");
+        let float = |bytes: &[u8]| f32::from_le_bytes(bytes.try_into().expect("4 bytes"));
+        let ends: Vec<f32> = cloud.fields.iter().map(|field| field.offset as f32 + 4.0).collect();
+        assert!(ends.iter().all(|end| *end <= stride as f32), "{topic}: fields beyond a point");
+        cloud.data.chunks_exact(stride).map(|point| [0, 4, 8].map(|at| float(&point[at..at + 4]))).collect::<Vec<_>>()
+    };
+    match schema {
+        "foxglove.PointCloud" => {
+            let cloud = PointCloud::decode(payload).expect("a PointCloud");
+            let points = points(&cloud);
+            assert!(points.len() > 100 && points.iter().flatten().all(|x| x.abs() < 200.0), "{topic}");
+        }
+        "foxglove.FrameTransforms" => {
+            let transforms = FrameTransforms::decode(payload).expect("FrameTransforms").transforms;
+            assert!(!transforms.is_empty() && transforms.iter().all(|transform| transform.parent_frame_id == "rig"));
+        }
+        "foxglove.PoseInFrame" => {
+            let pose = PoseInFrame::decode(payload).expect("a PoseInFrame").pose.expect("a pose");
+            let place = pose.position.expect("a place");
+            let from_where_it_stands = (place.x - 2.2).hypot(place.y).hypot(place.z);
+            assert!(from_where_it_stands < 0.5, "{from_where_it_stands} m off");
+        }
+        "foxglove.RawImage" => {
+            let image = RawImage::decode(payload).expect("a RawImage");
+            assert_eq!(image.data.len(), (image.step * image.height) as usize);
+            let depths = image.data.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]));
+            assert!(depths.filter(|depth| (1_500..2_500).contains(depth)).count() > 1_000, "no target in the image");
+        }
+        "foxglove.SceneUpdate" => {
+            let update = SceneUpdate::decode(payload).expect("a SceneUpdate");
+            let ends: usize = update.entities[0].lines.iter().map(|line| line.points.len()).sum();
+            assert!(ends > 0 && ends.is_multiple_of(2), "{ends} ends of edges");
+        }
+        "foxglove.Log" => assert!(!Log::decode(payload).expect("a Log").message.is_empty()),
+        "tumbled.State" => drop(serde_json::from_slice::<StateLine>(payload).expect("a STATE")),
+        "tumbled.Health" => drop(serde_json::from_slice::<HealthLine>(payload).expect("a HEALTH")),
+        other => panic!("{topic} has a schema that nobody reads here: {other}"),
+    }
+}
+
+#[test]
+fn every_channel_of_a_running_daemon_gives_what_its_schema_says() {
+    let bench = Workbench::new();
+    let socket = bench.path("control.sock");
+    let control = format!("stream.control={}", socket.display());
+    let ports = ["--set", "stream.foxglove=127.0.0.1:0", "--set", &control];
+    let mut daemon = Daemon::start(&bench, &[&["run", "--sim", "demo", "--json"], &FREE_PORTS[..], &ports].concat());
+    daemon.once_said("Foxglove bridge");
+    let line = daemon.said.lines().find(|line| line.contains("Foxglove bridge")).expect("a line");
+    let address = line.split_whitespace().find_map(|word| word.strip_prefix("address=")).expect("an address");
+    let (mut viewer, info) = Viewer::connect_to(address.parse().expect("an address"));
+    assert!(info["name"].as_str().is_some_and(|name| name.starts_with("tumbled SIMULATED")), "{info}");
+    let mut wanted: BTreeSet<u32> = BTreeSet::new();
+    let began = Instant::now();
+    let mut subscribed = 0;
+    while subscribed < 10 || !wanted.is_empty() {
+        assert!(began.elapsed() < Duration::from_secs(120), "nothing on {wanted:?} of {:#?}", viewer.channels);
+        // Channels may come while it runs: a Kinect's image with its first frame.
+        for n in subscribed..viewer.channels.len() {
+            let topic = viewer.channels[n]["topic"].as_str().expect("a topic").to_owned();
+            viewer.subscribe(&topic, n as u32);
+            wanted.insert(n as u32);
+        }
+        subscribed = viewer.channels.len();
+        // An event: somebody asks for the filter to begin anew.
+        if wanted.len() == 1 && viewer.channels[*wanted.first().expect("one") as usize]["topic"] == "/log" {
+            let done = bench.run(&["ctl", "marker", "seen", "--connect", socket.to_str().expect("a path")]);
+            assert_eq!(done.code, 0, "{}", done.stderr);
+        }
+        let (id, stamp, payload) = viewer.data();
+        let channel = &viewer.channels[id as usize];
+        let text = |key: &str| channel[key].as_str().expect("a text").to_owned();
+        assert!(stamp > 1_600_000_000_000_000_000, "{} is not on wall time", text("topic"));
+        check(&text("topic"), &text("schemaName"), &payload);
+        wanted.remove(&id);
+    }
+    let topics: BTreeSet<&str> = viewer.channels.iter().filter_map(|channel| channel["topic"].as_str()).collect();
+    let all = [
+        "/cloud/front",
+        "/cloud/near",
+        "/contour",
+        "/depth/near",
+        "/health",
+        "/log",
+        "/model",
+        "/pose",
+        "/state",
+        "/tf",
+    ];
+    assert_eq!(topics, BTreeSet::from(all));
+    // The layout that comes with the documents shows topics that there are.
+    let layout = include_str!("../docs/foxglove/layout.json");
+    let layout: Value = serde_json::from_str(layout).expect("JSON");
+    let mut named = BTreeSet::new();
+    topics_of(&layout, &mut named);
+    assert!(!named.is_empty() && named.iter().all(|topic| topics.contains(topic.as_str())), "{named:?}");
+    daemon.signal("TERM");
+    assert_eq!(daemon.finish().code, Some(0));
+}
+
+/// All texts and keys of a layout that begin with a slash, up to the first dot.
+fn topics_of(value: &Value, found: &mut BTreeSet<String>) {
+    let mut take = |text: &str| {
+        if text.starts_with('/') {
+            found.insert(text.split('.').next().unwrap_or_default().to_owned());
+        }
+    };
+    match value {
+        Value::String(text) => take(text),
+        Value::Array(items) => items.iter().for_each(|item| topics_of(item, found)),
+        Value::Object(entries) => {
+            entries.keys().for_each(|key| take(key));
+            entries.values().for_each(|item| topics_of(item, found));
+        }
+        _ => {}
+    }
 }

@@ -32,6 +32,7 @@ mod kinect_live;
 mod live_losses;
 mod machine_cli;
 mod ordered_recordings;
+mod page_answers;
 mod pose_campaign_cli;
 mod predicted;
 mod real_states;

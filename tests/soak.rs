@@ -306,13 +306,13 @@ fn median(values: impl Iterator<Item = u64>) -> u64 {
 }
 
 #[test]
-fn twenty_seconds_at_full_speed_are_accounted_for_to_the_point() {
+fn ten_seconds_at_full_speed_are_accounted_for_to_the_point() {
     let folder = tempfile::tempdir().expect("a folder");
-    let soaked = soak(20 * SECOND, folder.path());
+    let soaked = soak(10 * SECOND, folder.path());
     assert_accounted(&soaked);
-    // Health at 1.2, 2.2, … s. The head passes the cut 200 times, which makes 201 pieces; frame 599 comes at 19.99 s.
+    // Health at 1.2, 2.2, … s. The head passes the cut 100 times, which makes 101 pieces; frame 299 comes at 9.99 s.
     let epochs = &soaked.watch.epochs_of;
-    assert_eq!((soaked.watch.healths, epochs["front"], epochs["near"]), (19, 201, 600));
+    assert_eq!((soaked.watch.healths, epochs["front"], epochs["near"]), (9, 101, 300));
 }
 
 /// Rig time is taken from SOAK_HOURS, 8 without it.

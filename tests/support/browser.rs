@@ -85,6 +85,14 @@ impl Browser {
         &self.complaints
     }
 
+    /// Opens another page and waits until its scripts have run.
+    pub(crate) fn go(&mut self, url: &str) {
+        self.request("Page.navigate", &json!({ "url": url }));
+        while self.value("document.readyState").as_str() != Some("complete") {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
     /// Presses a button.
     pub(crate) fn press(&mut self, id: &str) {
         self.value(&format!("document.getElementById('{id}').click()"));

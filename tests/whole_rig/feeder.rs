@@ -19,13 +19,13 @@ use tumbled::simulation::live::{SimulatedRig, Way};
 use tumbled_io::live::{EventReceiver, Ledger, QueueBound, SessionClock, StopToken};
 use tumbled_model::Body;
 
-/// The scene that the sensors look at.
-pub(crate) const SCENE: &str = "turntable-5dps";
 /// What its lines begin with: the test runner writes to the same stream.
 const MARK: &str = "feeder: ";
 /// Where the Kinect's frames go: a FIFO.
 const KINECT: &str = "TUMBLED_FEEDER_KINECT";
-/// What the stage's pseudo terminal is called.
+/// The scene: a name or a file.
+const OF_SCENE: &str = "TUMBLED_FEEDER_SCENE";
+/// What the stage's pseudo terminal is called, where the scene has one.
 const STAGE: &str = "TUMBLED_FEEDER_STAGE";
 
 /// A feeder that runs, as its parent sees it.
@@ -41,14 +41,14 @@ pub(crate) struct Fed {
 }
 
 impl Feeder {
-    /// Starts it and waits until its scene is built.
-    pub(crate) fn start(kinect: &Path, stage: &Path) -> Self {
+    /// Starts it on a scene, a name or a file, and waits until that is built.
+    pub(crate) fn start(scene: &str, kinect: &Path, stage: &Path) -> Self {
         let this = std::env::current_exe().expect("it has a path");
         // Sensors do not compete with the program for this machine's processors; where `nice` may not, it goes on without.
         let mut command = Command::new("nice");
         command.args(["-n", "-15"]).arg(this);
         command.args(["--ignored", "--exact", "whole_rig::feeder::child", "--nocapture"]);
-        command.env(KINECT, kinect).env(STAGE, stage).stdin(Stdio::piped()).stdout(Stdio::piped());
+        command.env(OF_SCENE, scene).env(KINECT, kinect).env(STAGE, stage).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().expect("starts");
         let lines = BufReader::new(child.stdout.take().expect("piped"));
         let mut feeder = Self { child, lines };
@@ -92,9 +92,9 @@ impl Drop for Feeder {
 #[ignore = "a part of the other tests"]
 fn child() {
     let path = |name: &str| std::env::var_os(name).map(|value: OsString| PathBuf::from(value));
-    let (Some(kinect), Some(stage)) = (path(KINECT), path(STAGE)) else { return };
+    let (Some(kinect), Some(stage), Ok(scene)) = (path(KINECT), path(STAGE), std::env::var(OF_SCENE)) else { return };
     let clock = SessionClock::start_on_system();
-    let rig = SimulatedRig::load(SCENE, None, unix_at_zero(&clock)).expect("a scene");
+    let rig = SimulatedRig::load(&scene, None, unix_at_zero(&clock)).expect("a scene");
     println!("{MARK}ready");
     let mut orders = std::io::stdin().lines();
     let order = orders.next().expect("an order").expect("reads");
@@ -111,7 +111,9 @@ fn child() {
     let stop = StopToken::new().expect("a descriptor");
     let ways = [("front".into(), datagrams), ("near".into(), Way::Intake(intake))];
     let scene = rig.start(ways.into_iter().collect(), &clock, &stop).expect("starts");
-    symlink(scene.stage().expect("a turntable"), stage).expect("a new link");
+    if let Some(terminal) = scene.stage() {
+        symlink(terminal, stage).expect("a new link");
+    }
     // The end of the input is the order to stop.
     assert!(orders.next().is_none(), "there is no other order");
     stop.stop();

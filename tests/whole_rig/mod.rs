@@ -2,6 +2,7 @@
 //! on a pseudo terminal, each fed by another process, for as long as it takes. Run by `.ci/long rig`.
 
 mod feeder;
+mod procedure;
 mod watcher;
 
 use std::fs::File;
@@ -29,6 +30,8 @@ use watcher::{Watcher, percentile};
 
 /// What a config adds so that a daemon serves on free ports.
 const SERVED: &str = "[stream]\ntcp = \"127.0.0.1:0\"\nunix = \"\"\nfoxglove = \"\"\n[record]\nmin_free = \"\"\n";
+/// The scene that the sensors look at.
+const SCENE: &str = "turntable-5dps";
 /// Seconds of the whole rig; `RIG_SECONDS` in the environment says otherwise.
 const SECONDS: u64 = 600;
 
@@ -66,9 +69,9 @@ fn the_whole_rig_loses_nothing_and_its_replay_is_the_same() {
     let bench = Workbench::new();
     let (feed, stage) = (bench.path("kinect.feed"), bench.path("turntable"));
     assert!(Command::new("mkfifo").arg(&feed).status().expect("mkfifo runs").success());
-    let mut feeder = Feeder::start(&feed, &stage);
+    let mut feeder = Feeder::start(SCENE, &feed, &stage);
     let usb = Usb::with(bench, "kinect 1414 serial A1 port 1\nfeed kinect.feed");
-    let scene = scenes::load_with(feeder::SCENE, None, None).expect("a scene");
+    let scene = scenes::load_with(SCENE, None, None).expect("a scene");
     // What an operator would have, with ports of this machine.
     let operators = rig::toml(&scene, View::Operator).replace("/dev/rig/turntable", &stage.display().to_string());
     usb.bench.file("rig.toml", format!("{operators}\n{SERVED}"));

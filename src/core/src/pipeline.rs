@@ -15,7 +15,7 @@ use crate::channel::Channels;
 use crate::clock::WallClock;
 use crate::config::CoreConfig;
 use crate::epoch::{Epoch, RigCloud};
-use crate::estimate::{EstimateHealth, Estimator, KeptFrame, NamedPoint, Predictor, TargetState};
+use crate::estimate::{EstimateHealth, Estimator, KeptFrame, NamedPoint, Predictor, Standing, TargetState};
 use crate::health::{CoreHealth, EpochHealth, Judge, SensorHealth, SensorState, WallHealth, worst};
 use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
@@ -70,6 +70,7 @@ pub struct Pipeline {
     boundaries: ScanBoundaries,
     aligner: Aligner,
     estimator: Estimator,
+    standing: Standing,
     beat: Beat,
     states: Vec<SensorState>,
     observer: Observer,
@@ -97,6 +98,7 @@ impl Pipeline {
             boundaries: ScanBoundaries::new(&config),
             aligner: Aligner::new(sensors, config.kinects.len() + config.lidars.len(), config.timing.hold),
             estimator: Estimator::new(&config),
+            standing: Standing::default(),
             beat: Beat::new(sensors),
             states: vec![SensorState::Absent; sensors],
             observer: Observer::default(),
@@ -185,7 +187,7 @@ impl Pipeline {
 
     /// What the estimation says of itself after an epoch: of the newest, whose state this is.
     pub fn estimate_health(&self, state: &TargetState) -> EstimateHealth {
-        self.estimator.health(state)
+        self.estimator.health(state, self.standing.since().unwrap_or(state.t))
     }
 
     /// From here on frames that show the target are given out, for whoever makes a surface of them. Changes no other output.
@@ -225,6 +227,7 @@ impl Pipeline {
         for epoch in epochs.get(states.len()..).unwrap_or_default() {
             let state = self.estimator.take(epoch, &self.workers, &mut told);
             out.predictors.push(self.estimator.predictor(&state));
+            self.standing.take(&state);
             if !self.config.turntables.is_empty() {
                 self.errors.state(&state);
             }

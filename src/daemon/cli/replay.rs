@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args as ClapArgs;
 use schemars::JsonSchema;
@@ -142,7 +142,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut sinks = Sinks::open(args, &loaded, &inputs, &pace, &transport)?;
     let finished = loop {
         let finished = play(&mut inputs, &mut engine, &mut sinks, &mut pace)?;
-        let again = if finished && args.hold { pace.rest() } else { transport.take_restart() };
+        let again = if finished && args.hold { pace.rest(|| sinks.waiting()) } else { transport.take_restart() };
         if !again {
             break finished;
         }
@@ -201,16 +201,14 @@ impl Listener for Sinks {
     }
 
     /// Syncs the recording if it is time, by this machine's clock whatever the replay's speed, as a live recording is:
-    /// a kill costs a second.
-    fn patience(&mut self) -> Duration {
-        let Some(recorder) = &mut self.recorder else { return Duration::MAX };
-        let left = self.next_sync.saturating_duration_since(Instant::now());
-        if !left.is_zero() {
-            return left;
+    /// a kill costs a second. HEALTH goes on where nothing is played.
+    fn waiting(&mut self) {
+        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.next_sync <= Instant::now()) {
+            recorder.sync();
+            self.next_sync = Instant::now() + SYNC_EVERY;
         }
-        recorder.sync();
-        self.next_sync = Instant::now() + SYNC_EVERY;
-        SYNC_EVERY
+        let (began, server) = (self.began, self.server.as_ref());
+        self.publish.repeat_health(|| shell(began, server));
     }
 }
 
@@ -274,10 +272,8 @@ impl Sinks {
         if let Some(checkpoint) = &step.checkpoint {
             self.checkpoint(checkpoint);
         }
-        let clients = || self.server.as_ref().map(Server::clients).unwrap_or_default();
-        let uptime_s = self.began.elapsed().as_secs_f64();
-        let shell = || ShellHealth { uptime_s, stream: clients().into(), ..ShellHealth::default() };
-        self.publish.step(step, shell, None);
+        let (began, server) = (self.began, self.server.as_ref());
+        self.publish.step(step, || shell(began, server), None);
         Ok(())
     }
 
@@ -297,6 +293,12 @@ impl Sinks {
         }
         self.recorder.map_or(Ok(()), |recorder| import::written(&recorder.finish()))
     }
+}
+
+/// What is so now on this machine.
+fn shell(began: Instant, server: Option<&Server>) -> ShellHealth {
+    let clients = server.map(Server::clients).unwrap_or_default();
+    ShellHealth { uptime_s: began.elapsed().as_secs_f64(), stream: clients.into(), ..ShellHealth::default() }
 }
 
 fn write_line(to: &mut dyn Write, line: &impl Serialize) -> Result<(), Failure> {

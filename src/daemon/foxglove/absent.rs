@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use serde::Serialize;
 
-use super::{FoxgloveConfig, FoxgloveError, SensorPose, ViewTotals};
+use super::{DepthView, FoxgloveConfig, FoxgloveError, SensorPose, ViewTotals};
 use crate::stream::{CloudView, ContourLine, EventLine, Hello, ModelView, StateLine};
 
 /// A bridge that cannot be: no value of this type exists.
@@ -32,6 +32,11 @@ impl FoxgloveBridge {
 
     /// Shows a cloud.
     pub fn cloud(&mut self, _cloud: &CloudView<'_>) {
+        match *self {}
+    }
+
+    /// Shows a depth image.
+    pub fn depth(&mut self, _depth: &DepthView<'_>) {
         match *self {}
     }
 

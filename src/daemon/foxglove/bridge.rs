@@ -5,23 +5,27 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use foxglove::messages::{FrameTransforms, Log, PointCloud};
-use foxglove::{Channel, Context, PartialMetadata, RawChannel, Schema, WebSocketServerHandle};
+use foxglove::messages::{FrameTransforms, Log, PointCloud, RawImage};
+use foxglove::{Channel, Context, Encode, PartialMetadata, RawChannel, Schema, WebSocketServerHandle};
 use schemars::schema_for;
 use serde::Serialize;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
 
-use super::messages::{log_line, log_time, point_cloud, transforms};
+use super::messages::{depth_image, log_line, log_time, point_cloud, transforms};
 use super::target::TargetChannels;
-use super::{FoxgloveConfig, FoxgloveError, SensorPose, ViewTotals};
+use super::{DepthView, FoxgloveConfig, FoxgloveError, SensorPose, ViewTotals};
 use crate::stream::{CloudView, ContourLine, EventLine, HealthLine, Hello, ModelView, StateLine, StreamOrigin, reach};
 
-/// Messages that wait for one viewer; the oldest is dropped. Six seconds of clouds of one sensor, 20 MB at most.
+/// Messages that wait for one viewer; the oldest is dropped. Six seconds of clouds of one sensor, 20 MB; images of a
+/// Kinect alone would be 40 MB.
 const BACKLOG: usize = 64;
 
 /// Between two clouds of a sensor: more than a person sees is of no use.
 const CLOUD_PERIOD: Duration = Duration::from_millis(100);
+
+/// Between two images of a Kinect: 0.6 MB each.
+const DEPTH_PERIOD: Duration = Duration::from_millis(200);
 
 /// Between two messages on `/tf`: a viewer that connects later needs them too.
 const TF_PERIOD: Duration = Duration::from_secs(1);
@@ -36,7 +40,8 @@ pub struct FoxgloveBridge {
     server: Option<WebSocketServerHandle>,
     address: SocketAddr,
     context: Arc<Context>,
-    clouds: BTreeMap<String, CloudChannel>,
+    clouds: BTreeMap<String, Paced<PointCloud>>,
+    depths: BTreeMap<String, Paced<RawImage>>,
     target: TargetChannels,
     tf: Channel<FrameTransforms>,
     tf_sent: Option<Instant>,
@@ -46,9 +51,11 @@ pub struct FoxgloveBridge {
     totals: ViewTotals,
 }
 
+/// A channel whose messages keep a distance.
 #[derive(Debug)]
-struct CloudChannel {
-    channel: Channel<PointCloud>,
+struct Paced<T: Encode> {
+    channel: Channel<T>,
+    period: Duration,
     sent: Option<Instant>,
 }
 
@@ -88,6 +95,7 @@ impl FoxgloveBridge {
             address,
             context,
             clouds: BTreeMap::new(),
+            depths: BTreeMap::new(),
             target,
             tf,
             tf_sent: None,
@@ -127,6 +135,20 @@ impl FoxgloveBridge {
         shown.sent = Some(now);
         shown.channel.log_with_time(&point_cloud(cloud), log_time(cloud.unix.0));
         self.totals.clouds += 1;
+    }
+
+    /// Shows a depth image to the viewers that subscribed to it, thinned out to 5 a second.
+    pub fn depth(&mut self, depth: &DepthView<'_>) {
+        let (now, context) = (Instant::now(), &self.context);
+        let shown = self.depths.entry(depth.sensor.to_string()).or_insert_with_key(|sensor| Paced {
+            channel: context.channel_builder(format!("/depth/{sensor}")).build(),
+            period: DEPTH_PERIOD,
+            sent: None,
+        });
+        if shown.channel.has_sinks() && shown.is_due(now) {
+            shown.sent = Some(now);
+            shown.channel.log_with_time(&depth_image(depth), log_time(depth.unix.0));
+        }
     }
 
     /// Shows health: the line that the state stream sends. `unix_ns` is its time.
@@ -179,10 +201,11 @@ impl FoxgloveBridge {
         totals
     }
 
-    fn cloud_channel(&mut self, sensor: &str) -> &mut CloudChannel {
+    fn cloud_channel(&mut self, sensor: &str) -> &mut Paced<PointCloud> {
         let context = &self.context;
-        self.clouds.entry(sensor.to_owned()).or_insert_with(|| CloudChannel {
+        self.clouds.entry(sensor.to_owned()).or_insert_with(|| Paced {
             channel: context.channel_builder(format!("/cloud/{sensor}")).build(),
+            period: CLOUD_PERIOD,
             sent: None,
         })
     }
@@ -204,9 +227,9 @@ impl Drop for FoxgloveBridge {
     }
 }
 
-impl CloudChannel {
+impl<T: Encode> Paced<T> {
     fn is_due(&self, now: Instant) -> bool {
-        self.sent.is_none_or(|sent| now.duration_since(sent) >= CLOUD_PERIOD)
+        self.sent.is_none_or(|sent| now.duration_since(sent) >= self.period)
     }
 }
 

@@ -2,12 +2,14 @@
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
-    FrameTransform, FrameTransforms, Log, PackedElementField, PointCloud, Pose, Quaternion, Timestamp, Vector3, log,
+    FrameTransform, FrameTransforms, Log, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Timestamp,
+    Vector3, log,
 };
 
 use tumbled_core::Gravity;
+use tumbled_kinect::{HEIGHT, WIDTH};
 
-use super::{SensorPose, VIEW_POINTS};
+use super::{DepthView, SensorPose, VIEW_POINTS};
 use crate::stream::{CloudView, EventLine};
 
 /// Bytes of a point: x, y, z and the intensity, four f32.
@@ -41,6 +43,26 @@ pub(super) fn point_cloud(cloud: &CloudView<'_>) -> PointCloud {
         pose: Some(identity()),
         point_stride: POINT_BYTES as u32,
         fields: vec![field("x", 0), field("y", 4), field("z", 8), field("intensity", 12)],
+        data: data.into(),
+    }
+}
+
+/// Depth in mm, 0 where nothing was measured: ROS's 16UC1.
+pub(super) fn depth_image(depth: &DepthView<'_>) -> RawImage {
+    let mut data = vec![0; 2 * WIDTH * HEIGHT];
+    for (&pixel, &z) in depth.pixel.iter().zip(depth.z) {
+        let at = 2 * pixel as usize;
+        if let Some(millimetres) = data.get_mut(at..at + 2) {
+            millimetres.copy_from_slice(&((z * 1e3).round() as u16).to_le_bytes());
+        }
+    }
+    RawImage {
+        timestamp: timestamp(depth.unix.0),
+        frame_id: depth.sensor.to_string(),
+        width: WIDTH as u32,
+        height: HEIGHT as u32,
+        encoding: "16UC1".to_owned(),
+        step: 2 * WIDTH as u32,
         data: data.into(),
     }
 }
@@ -114,6 +136,18 @@ mod tests {
         assert_eq!(values, [1.0, -2.5, 3.0, 7.0, 4.0, 5.0, 6.0, 9.0]);
         assert_eq!((message.point_stride, message.frame_id.as_str()), (16, "front"));
         assert_eq!(message.timestamp, Some(Timestamp::new(1_795_341_600, 500_000_000)));
+    }
+
+    #[test]
+    fn a_depth_image_is_millimetres_where_something_was_measured() {
+        let sensor = SensorId::from("near");
+        // The second row's third pixel, and the last one; a pixel that is none is left out.
+        let (pixel, z) = ([642, 307_199, 307_200], [1.2344, 4.0, 1.0]);
+        let image = depth_image(&DepthView { sensor: &sensor, unix: UnixNs(0), pixel: &pixel, z: &z });
+        assert_eq!((image.width, image.height, image.step, image.encoding.as_str()), (640, 480, 1_280, "16UC1"));
+        let depths = image.data.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]));
+        let found: Vec<(usize, u16)> = depths.enumerate().filter(|(_, depth)| *depth > 0).collect();
+        assert_eq!(found, [(642, 1_234), (307_199, 4_000)]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   CloudView ──▶ /cloud/<id>   foxglove.PointCloud, at most 10 a second and sensor, at most 20 000 points
+//!   DepthView ──▶ /depth/<id>   foxglove.RawImage in mm, at most 5 a second and Kinect
 //!   SensorPose ─▶ /tf           foxglove.FrameTransforms, rig to sensors, once a second
 //!   STATE ──────▶ /tf, /pose    rig to target; foxglove.PoseInFrame, at most 20 a second
 //!             └─▶ /state        JSON, with the covariance
@@ -18,7 +19,8 @@ use std::error::Error;
 use std::net::{Ipv4Addr, SocketAddr};
 
 use thiserror::Error as ThisError;
-use tumbled_model::SensorId;
+use tumbled_core::{Epoch, Scan};
+use tumbled_model::{SensorId, UnixNs};
 
 use crate::stream::reach::NonLive;
 
@@ -66,6 +68,27 @@ pub struct SensorPose {
     pub translation_m: [f64; 3],
     /// Rotation, a unit quaternion in the order x, y, z, w.
     pub rotation_xyzw: [f64; 4],
+}
+
+/// A Kinect's depth image, borrowed as the points that are in it. Both columns are equally long.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthView<'a> {
+    /// The Kinect; its id names its frame.
+    pub sensor: &'a SensorId,
+    /// Wall time of the frame.
+    pub unix: UnixNs,
+    /// Which pixel each point is, row by row, 640 a row.
+    pub pixel: &'a [u32],
+    /// Depth along the optical axis, m.
+    pub z: &'a [f32],
+}
+
+impl<'a> DepthView<'a> {
+    /// Of an epoch; `None`: it is no Kinect's.
+    pub fn of_epoch(epoch: &'a Epoch, unix: UnixNs) -> Option<Self> {
+        let Scan::Kinect(scan) = &epoch.scan else { return None };
+        Some(Self { sensor: &epoch.sensor, unix, pixel: scan.points.pixel(), z: scan.points.z() })
+    }
 }
 
 /// What went to viewers since the start. What a viewer that is behind loses (the oldest of 64 messages) is known to the

@@ -77,8 +77,8 @@ impl Pace {
         Box::new(move || transport.now())
     }
 
-    /// Waits until it is time for an event that arrived at `arrived`, at most `at_most`.
-    pub fn wait(&mut self, arrived: RigNs, at_most: Duration) -> Waited {
+    /// Waits until it is time for an event that arrived at `arrived`, 50 ms at most.
+    pub fn wait(&mut self, arrived: RigNs) -> Waited {
         if self.stop.is_stopped() {
             return Waited::Stopped;
         }
@@ -89,13 +89,14 @@ impl Pace {
             Due::After(left) => left,
             Due::Held => Duration::MAX,
         };
-        if self.stop.wait(left.min(at_most).min(LOOK_EVERY)) { Waited::Stopped } else { Waited::NotYet }
+        if self.stop.wait(left.min(LOOK_EVERY)) { Waited::Stopped } else { Waited::NotYet }
     }
 
-    /// Everything was played: waits until it is to begin anew, true, or to end.
-    pub fn rest(&mut self) -> bool {
+    /// Everything was played: waits until it is to begin anew, true, or to end. `waiting` is called while it lasts.
+    pub fn rest(&mut self, mut waiting: impl FnMut()) -> bool {
         self.transport.end();
         while !self.transport.take_restart() {
+            waiting();
             if self.stop.wait(LOOK_EVERY) {
                 return false;
             }
@@ -124,13 +125,11 @@ mod tests {
         let stop = StopToken::new().expect("a descriptor");
         let mut pace = Pace::new(Speed::Times(4.0), stop.clone());
         let began = Instant::now();
-        let minute = Duration::from_secs(60);
-        assert_eq!(pace.wait(RigNs(5_000_000_000), minute), Waited::Due);
+        assert_eq!(pace.wait(RigNs(5_000_000_000)), Waited::Due);
         // 200 ms at four times the speed, at most a millisecond early.
-        assert_eq!(pace.wait(RigNs(5_200_000_000), Duration::from_millis(10)), Waited::NotYet);
-        while pace.wait(RigNs(5_200_000_000), minute) == Waited::NotYet {}
+        while pace.wait(RigNs(5_200_000_000)) == Waited::NotYet {}
         assert!(began.elapsed() >= Duration::from_millis(49));
         stop.stop();
-        assert_eq!(pace.wait(RigNs(3_600_000_000_000), minute), Waited::Stopped);
+        assert_eq!(pace.wait(RigNs(3_600_000_000_000)), Waited::Stopped);
     }
 }

@@ -1,7 +1,5 @@
 //! Inputs played through the core: what `replay` and `evaluate` share, so that they cannot differ.
 
-use std::time::Duration;
-
 use tumbled_model::Event;
 
 use super::pace::Waited;
@@ -23,10 +21,8 @@ pub trait Listener {
     /// Everything is played: the chain's value at the end.
     fn end(&mut self, _checkpoint: &Checkpoint) {}
 
-    /// Asked before every wait: how long it may be at most.
-    fn patience(&mut self) -> Duration {
-        Duration::MAX
-    }
+    /// Called before every event, and every 50 ms while one is waited for: what is due by this machine's clock.
+    fn waiting(&mut self) {}
 }
 
 /// Every event through the core; false when a stop came before the end.
@@ -41,7 +37,8 @@ pub fn play(
 ) -> Result<bool, Failure> {
     while let Some(event) = inputs.next_event()? {
         loop {
-            match pace.wait(event.arrived, listener.patience()) {
+            listener.waiting();
+            match pace.wait(event.arrived) {
                 Waited::Due => break,
                 Waited::NotYet => {}
                 Waited::Stopped => return Ok(false),

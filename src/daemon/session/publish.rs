@@ -1,6 +1,7 @@
 //! What came out of the core, to whoever wants it: the state stream, viewers and the log.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use tumbled_core::estimate::{Mode, MountingReport, Predictor, StateReason, TargetState};
 use tumbled_core::evaluate::TruthSample;
@@ -11,7 +12,7 @@ use tumbled_model::{RigNs, SensorId, Span, UnixNs};
 use super::beat::Beat;
 use super::engine::Step;
 use super::surface::SurfaceTold;
-use crate::foxglove::FoxgloveBridge;
+use crate::foxglove::{DepthView, FoxgloveBridge};
 use crate::stream::state::Delivery;
 use crate::stream::{
     Ahead, Class, CloudLine, CloudView, EventLine, HealthLine, ModelLine, PointLine, Publisher, ShellHealth, SigmaLine,
@@ -19,6 +20,9 @@ use crate::stream::{
 };
 use crate::telemetry::{Telemetry, TelemetryOutlet};
 use crate::web::Latest;
+
+/// HEALTH comes so often, on the session's timeline; where that stands still, by this machine's clock.
+const HEALTH_EVERY: Duration = Duration::from_secs(1);
 
 /// Turns what came out into lines of the stream, views and lines of the log.
 #[derive(Debug)]
@@ -29,6 +33,8 @@ pub struct Publish {
     audience: Option<Audience>,
     /// The sensors' mountings were told not to be as the config says.
     mounting_alarm: bool,
+    /// The newest HEALTH and when it was told.
+    health: Option<(Instant, HealthLine)>,
 }
 
 /// Those who are served.
@@ -66,7 +72,7 @@ impl core::fmt::Debug for Truth {
 impl Publish {
     /// To an audience, or to the log alone.
     pub fn new(origin: StreamOrigin, unix_at_zero: UnixNs, audience: Option<Audience>) -> Self {
-        Self { origin, unix_at_zero, audience, mounting_alarm: false }
+        Self { origin, unix_at_zero, audience, mounting_alarm: false, health: None }
     }
 
     /// The wall time of an instant: by the newest anchor at or before it.
@@ -102,6 +108,7 @@ impl Publish {
     /// A replay begins anew: times go back to its start.
     pub fn begin_anew(&mut self) {
         self.mounting_alarm = false;
+        self.health = None;
         if let Some(beat) = self.audience.as_ref().and_then(|audience| audience.beat.as_ref()) {
             beat.clear();
         }
@@ -129,6 +136,9 @@ impl Publish {
         }
         if let Some(viewers) = &mut audience.viewers {
             viewers.cloud(&view);
+            if let Some(depth) = DepthView::of_epoch(epoch, unix) {
+                viewers.depth(&depth);
+            }
         }
     }
 
@@ -258,13 +268,30 @@ impl Publish {
         let unix = self.unix(t, step.wall);
         let Some(audience) = &mut self.audience else { return };
         let line = HealthLine::new(self.origin, (t, unix), health.clone(), step.estimate_health(), shell());
-        audience.stream.publish(Class::Health, &line);
         if let Some(viewers) = &mut audience.viewers {
             viewers.health(&line, unix.0);
         }
-        if let Some(web) = &audience.web {
-            web.health(line);
+        tell_health(audience, line.clone());
+        self.health = Some((Instant::now(), line));
+    }
+
+    /// While no event is played, because a replay is slow, is held or is at its end: the newest HEALTH once a second with
+    /// the shell's facts of now, so that those who listen know that it lives.
+    pub fn repeat_health(&mut self, shell: impl Fn() -> ShellHealth) {
+        let (Some(audience), Some((told, newest))) = (&mut self.audience, &mut self.health) else { return };
+        if told.elapsed() < HEALTH_EVERY {
+            return;
         }
+        *told = Instant::now();
+        newest.renew(shell());
+        tell_health(audience, newest.clone());
+    }
+}
+
+fn tell_health(audience: &Audience, line: HealthLine) {
+    audience.stream.publish(Class::Health, &line);
+    if let Some(web) = &audience.web {
+        web.health(line);
     }
 }
 

@@ -135,12 +135,6 @@ impl Transport {
         }
     }
 
-    /// Whether nothing comes of it for now: it is paused, or at its end.
-    pub fn rests(&self) -> bool {
-        let playing = self.lock();
-        playing.paused || playing.ended
-    }
-
     /// Everything was played.
     pub fn end(&self) {
         self.lock().ended = true;

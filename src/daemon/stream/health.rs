@@ -58,6 +58,12 @@ impl HealthLine {
             shell,
         }
     }
+
+    /// The same with the shell's facts of now, while the session's timeline stands still.
+    pub fn renew(&mut self, shell: ShellHealth) {
+        self.level = self.core.level.max(shell.level());
+        self.shell = shell;
+    }
 }
 
 /// The part of health that is not replayed.

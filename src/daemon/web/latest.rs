@@ -61,18 +61,13 @@ impl Known {
                 "the last HEALTH is {age_s} s old, one a second is due: the session hangs or has ended"
             ));
         }
-        if !self.failed() {
+        if health.level != Level::Failed {
             return Ok(());
         }
         let reasons = health.core.reasons.iter().chain(&health.shell.reasons);
         let failed: Vec<&str> =
             reasons.filter(|reason| reason.level == Level::Failed).map(|reason| &*reason.message).collect();
         Err(format!("failed: {}", failed.join("; ")))
-    }
-
-    /// Whether the newest HEALTH says that the session has failed, however old it is.
-    pub fn failed(&self) -> bool {
-        self.health.as_ref().is_some_and(|(_, health)| health.level == Level::Failed)
     }
 }
 

@@ -214,13 +214,8 @@ fn router(served: Served) -> Router {
 }
 
 async fn healthz(State(served): State<Served>) -> Response {
-    let known = served.latest.known();
-    match known.well() {
+    match served.latest.known().well() {
         Ok(()) => of_kind(StatusCode::OK, TEXT, "ok\n"),
-        // Nothing comes while a replay is held, or after its end.
-        Err(_) if !known.failed() && served.transport.as_ref().is_some_and(Transport::rests) => {
-            of_kind(StatusCode::OK, TEXT, "ok: the replay is held, or at its end\n")
-        }
         Err(reason) => of_kind(StatusCode::SERVICE_UNAVAILABLE, TEXT, format!("{reason}\n")),
     }
 }

@@ -407,14 +407,14 @@ impl Estimator {
         }
     }
 
-    /// What it says of itself after an epoch's state.
-    pub(crate) fn health(&self, state: &TargetState) -> EstimateHealth {
+    /// What it says of itself after an epoch's state; `since` when it stands so.
+    pub(crate) fn health(&self, state: &TargetState, since: RigNs) -> EstimateHealth {
         let tracked = match &self.stage {
             Stage::Tracking(tracking) => Some((&tracking.filter, &tracking.mounting)),
             Stage::Empty | Stage::Acquiring(_) | Stage::Lost(..) => None,
         };
         let names: Vec<&SensorId> = self.sensors.iter().map(|sensor| &sensor.id).collect();
-        EstimateHealth::new(state, tracked, &names)
+        EstimateHealth::new((state, since), tracked, &names)
     }
 
     /// What can be said of the times after an epoch's state.

@@ -11,7 +11,8 @@
 //!   `begin`: how a filter is begun; `tracking`: a frame to the model and to the filter; `age`: for how long a state is good;
 //!   `orders`: an operator's; `estimator`: the whole;
 //! * `predictor`: the target between epochs; `points`: the motion of its points;
-//! * `mounting`: whether the sensors are mounted as the config says; `report`: what the estimation says of itself.
+//! * `mounting`: whether the sensors are mounted as the config says; `report`: what the estimation says of itself;
+//!   `standing`: since when.
 
 mod acquire;
 mod age;
@@ -26,6 +27,7 @@ mod reacquire;
 mod report;
 mod sensors;
 pub mod settings;
+mod standing;
 pub mod state;
 mod tracking;
 
@@ -35,4 +37,5 @@ pub use points::{NamedPoint, PointMotion};
 pub use predictor::Predictor;
 pub use report::{EstimateHealth, LatenessReport, MountingReport, SigmaParts, SigmaReport, SpinReport};
 pub use settings::{EstimateSettings, TargetMotionKind, TargetSearch, Trust};
+pub(crate) use standing::Standing;
 pub use state::{Mode, MotionCovariance, SpinState, StateInputs, StateReason, TargetMotion, TargetState, Validity};

@@ -5,7 +5,7 @@ use super::state::{Mode, TargetState};
 use crate::ukf::{Filter, SigmaBySource};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use tumbled_model::SensorId;
+use tumbled_model::{RigNs, SensorId};
 
 /// The estimation as of its newest epoch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -17,6 +17,9 @@ pub struct EstimateHealth {
     pub t_ns: i64,
     /// How much is known of the target.
     pub mode: Mode,
+    /// Since when, ns on the session's timeline: the epoch with which it began. Predictions over less than a second do not
+    /// end tracking.
+    pub since_ns: i64,
     /// How the target spins; null: nobody knows, or no more than noise.
     pub spin: Option<SpinReport>,
     /// Where the pose's uncertainty comes from; null: nothing is tracked, or the filter does not tell the sources apart.
@@ -113,13 +116,18 @@ impl SigmaReport {
 }
 
 impl EstimateHealth {
-    /// After an epoch's state, of a target that is tracked; `names` are the sensors'.
-    pub(super) fn new(state: &TargetState, tracked: Option<(&Filter, &MountingCheck)>, names: &[&SensorId]) -> Self {
+    /// After an epoch's state, of a target that is tracked; `since` when it stands so; `names` are the sensors'.
+    pub(super) fn new(
+        (state, since): (&TargetState, RigNs),
+        tracked: Option<(&Filter, &MountingCheck)>,
+        names: &[&SensorId],
+    ) -> Self {
         let found = tracked.map(|(_, mounting)| mounting.disagreements(state.t)).unwrap_or_default();
         Self {
             epoch: state.epoch,
             t_ns: state.t.0,
             mode: state.mode,
+            since_ns: since.0,
             spin: state
                 .motion
                 .as_ref()

@@ -3,18 +3,17 @@
 use crate::truth::{DEGREE, Run};
 use tumbled_core::ukf::{CalibrationTreatment, FilterOptions};
 
-const RUNS: u64 = 12;
 /// Of a minute each.
-const TUMBLES: u64 = 6;
+const TUMBLES: u64 = 3;
 
 fn square(value: f64) -> f64 {
     value * value
 }
 
 /// Root mean squares over seeds: axis, its stated sigma (degrees), rate (degrees a second).
-fn fixed_axis(options: FilterOptions) -> (f64, f64, f64) {
+fn fixed_axis(options: FilterOptions, runs: u64) -> (f64, f64, f64) {
     let (mut axis, mut stated, mut rate) = (0.0, 0.0, 0.0);
-    for seed in 0..RUNS {
+    for seed in 0..runs {
         let run = Run::new(&FilterOptions::fixed_axis(), 20.0, 20.0, 300 + seed);
         let (mut filter, rest) = run.start(options);
         for z in rest {
@@ -25,13 +24,13 @@ fn fixed_axis(options: FilterOptions) -> (f64, f64, f64) {
         stated += square(spin.axis_sigma_rad);
         rate += square(spin.rate_rps - truth.rate.norm());
     }
-    let mean = |sum: f64| (sum / RUNS as f64).sqrt() / DEGREE;
+    let mean = |sum: f64| (sum / runs as f64).sqrt() / DEGREE;
     (mean(axis), mean(stated), mean(rate))
 }
 
 #[test]
 fn after_a_turn_the_axis_is_as_good_as_the_extrinsics_and_the_rate_much_better() {
-    let (axis, stated, rate) = fixed_axis(FilterOptions::fixed_axis());
+    let (axis, stated, rate) = fixed_axis(FilterOptions::fixed_axis(), 12);
     println!("axis {axis}° (stated {stated}°), rate {rate} °/s");
     // The Kinect's constant tilt of 0.275° in two directions, the LiDAR's of 0.71° beside it, tempered by the weighted
     // mean of both: 0.3–0.4°. Twelve runs of two degrees of freedom scatter by a fifth.
@@ -44,7 +43,8 @@ fn after_a_turn_the_axis_is_as_good_as_the_extrinsics_and_the_rate_much_better()
 fn without_calibration_states_and_by_the_published_filter_the_axis_is_still_found() {
     let inflated = FilterOptions { calibration: CalibrationTreatment::Inflated, ..FilterOptions::fixed_axis() };
     for (name, options) in [("inflated", inflated), ("paper", FilterOptions::paper())] {
-        let (axis, stated, rate) = fixed_axis(options);
+        // The bounds are three times what is found: four runs tell.
+        let (axis, stated, rate) = fixed_axis(options, 4);
         println!("{name}: axis {axis}° (stated {stated}°), rate {rate} °/s");
         assert!(axis < 1.0 && rate < 0.1, "{name} {axis} {rate}");
     }

@@ -32,13 +32,17 @@ async function steer(line) {
   await look();
 }
 
-// What is allowed, and how it stands. Silence is the link's business, which tells it.
+// What is allowed, and how it stands; where it is not told, nothing is offered. Silence is the link's business, which tells it.
 async function look() {
   if (!isConnected) return;
-  try {
-    [orders.control, orders.transport] = (await Promise.all([asked("/api/control"), asked("/api/transport")])).map(([, reply]) => reply);
-  } catch { return; }
+  const told = await Promise.all(["/api/control", "/api/transport"].map((path) => asked(path).catch(() => [false])));
+  [orders.control, orders.transport] = told.map(([isTold, reply]) => (isTold ? reply : null));
   showOrders();
+  // While a replay is held no line comes: neither the last, which may have been left out, nor, to a page just opened, any.
+  if (orders.transport && orders.transport.paused) {
+    const [isTold, line] = await asked("/api/state").catch(() => [false]);
+    if (isTold && line && (!state || line.t_ns > state.t_ns)) onState(line);
+  }
 }
 
 function able(group, allowed, why) {
@@ -69,9 +73,6 @@ function showOrders() {
     setText("recording", control.allowed ? recordingWords(control.recording) : control.why);
   }
 }
-
-// Whether nothing can come because a replay rests: then silence is no dead link.
-const rests = () => Boolean(orders.transport && (orders.transport.paused || orders.transport.ended));
 
 element("play").onclick = () => steer({ do: orders.transport && orders.transport.paused ? "play" : "pause" });
 element("restart").onclick = () => steer({ do: "restart" });

@@ -13,15 +13,18 @@ const plots = {
 };
 const view = new View(document.getElementById("view"));
 let socket = null, state = null, health = null, session = null;
-let isConnected = false, heard = 0, since = Date.now(), mode = null, now = 0, wait = 500;
+// Without a link by the page's clock; else by the session's, s.
+let isConnected = false, heard = 0, lostAt = Date.now(), mode = null, since = null, now = 0, wait = 500;
+
+// Another session, or a replay from its start: times begin anew.
+function clear() {
+  Object.values(plots).forEach((plot) => plot.clear());
+  view.clear(); state = null; health = null; mode = null; since = null; now = 0;
+  document.getElementById("events").replaceChildren();
+}
 
 function begin(hello) {
-  if (session !== null && session !== hello.session) {
-    // Another session: its times begin anew.
-    Object.values(plots).forEach((plot) => plot.clear());
-    view.clear(); state = null; health = null; now = 0;
-    document.getElementById("events").replaceChildren();
-  }
+  if (session !== null && session !== hello.session) clear();
   session = hello.session;
   const [text, name] = ORIGINS[hello.origin] || ["UNKNOWN", "waiting"];
   setText("origin", text, name);
@@ -42,17 +45,30 @@ function onState(line) {
   }
   // Epochs come after the predictions that went before them.
   if (!state || line.t_ns >= state.t_ns) { state = line; view.state = line; }
-  if (standing(state) !== mode) { mode = standing(state); since = Date.now(); }
+  stand();
+}
+
+// How it stands now, and since when.
+function stand() {
+  if (!state) return;
+  const before = mode;
+  mode = standing(asOf(state, now));
+  if (mode !== before) since = state.t_ns * 1e-9 - (state.measured_ms_ago ?? 0) * 1e-3;
 }
 
 function onHealth(line) {
   health = line;
   const sigma = line.estimate && line.estimate.sigma_by_source;
   if (sigma) plots.attitude.add(line.estimate.t_ns * 1e-9, sigma.attitude_deg.total);
+  now = Math.max(now, line.t_ns * 1e-9);
+  // The daemon knows what was before this page.
+  stand();
+  if (line.estimate && isSo(line.estimate.mode, mode)) since = line.estimate.since_ns * 1e-9;
   showHealth(line);
 }
 
 function onEvent(line) {
+  if (line.kind === "restarted") clear();
   const item = document.createElement("li");
   item.className = line.level;
   item.textContent = `${digits(line.t_ns * 1e-9, 1)} s ${line.message}`;
@@ -64,7 +80,7 @@ function onEvent(line) {
 function onLine(line) {
   const handlers = {
     HELLO: begin, STATE: onState, HEALTH: onHealth, EVENT: onEvent,
-    CLOUD: (cloud) => view.clouds.set(cloud.sensor, { at: performance.now(), xyz: cloud.xyz_m }),
+    CLOUD: (cloud) => view.clouds.set(cloud.sensor, { at: cloud.t_ns * 1e-9, xyz: cloud.xyz_m }),
     MODEL: (model) => { view.model = model; },
     CONTOUR: (contour) => { view.contour = contour; },
     TRUTH: (truth) => { view.truth = truth; },
@@ -82,7 +98,7 @@ function connect() {
 
 function linked(is) {
   if (is === isConnected) return;
-  isConnected = is; since = Date.now();
+  isConnected = is; lostAt = Date.now();
   document.body.classList.toggle("off", !is);
   setText("link", is ? "connected" : "not connected: what is shown is old", is ? "" : "off");
   if (!is) setText("origin", "NOT CONNECTED", "waiting");
@@ -125,14 +141,15 @@ function showHealth(line) {
 }
 
 function showState() {
+  const shows = state && asOf(state, now);
   const shown = document.getElementById("mode");
-  shown.dataset.mode = state ? state.mode : "";
-  setText("mode", state ? MODES[state.mode] || state.mode : "no state yet");
-  const spin = state && state.spin;
+  shown.dataset.mode = shows ? shows.mode : "";
+  setText("mode", shows ? MODES[shows.mode] || shows.mode : "no state yet");
+  const spin = shows && shows.spin;
   setText("rate", spin ? `${digits(spin.rate_dps, 3)} ±${digits(spin.rate_sigma_dps, 3)}` : "–");
   setText("axis", spin ? spin.axis.map((part) => digits(part, 3)).join("  ") : "–");
   setText("axis-sigma", spin ? `${digits(spin.axis_sigma_deg, 3)}°` : "–");
-  setText("place", state && state.position_m ? state.position_m.map((part) => digits(part, 3)).join("  ") : "–");
+  setText("place", shows && shows.position_m ? shows.position_m.map((part) => digits(part, 3)).join("  ") : "–");
   const cone = spin ? View.cone(spin) : null;
   const widened = cone && cone.factor > 1 ? `, drawn ${cone.factor} times wider` : "";
   setText("cone", cone ? `Spin axis with its cone of uncertainty: 3σ = ${digits(cone.half, 2)}°${widened}. Body axes: x red, y green, z blue.` : "No spin axis yet.");
@@ -170,10 +187,11 @@ fit.onclick = () => { view.follows = !view.follows; };
 
 setInterval(() => {
   // A link that is dead without a word is closed, and made anew.
-  if (isConnected && !rests() && Date.now() - heard > SILENT_MS) socket.close();
+  if (isConnected && Date.now() - heard > SILENT_MS) socket.close();
   fit.setAttribute("aria-pressed", String(view.follows));
+  view.now = now;
   showState();
-  answer(state, health, since, isConnected);
+  answer(state && asOf(state, now), health, isConnected ? now - (since ?? 0) : (Date.now() - lostAt) / 1000, isConnected);
   Object.values(plots).forEach((plot) => plot.draw(now));
 }, 250);
 function frame() {

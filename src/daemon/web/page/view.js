@@ -1,6 +1,6 @@
 "use strict";
 // The scene in three dimensions: WebGL2, or a plain canvas where there is none. Rig frame, z up, m.
-const CLOUD_KEPT_MS = 3000;
+const CLOUD_KEPT_S = 3;
 // A frustum is drawn so deep, m.
 const FRUSTUM_M = 0.6;
 
@@ -102,7 +102,7 @@ class View {
     this.clouds = new Map(); this.points = new Map();
     this.sensors = []; this.model = null; this.contour = null; this.truth = null;
     this.shows = { clouds: true, model: true, sensors: true, truth: true };
-    this.state = null; this.follows = true; this.focus = [2.5, 0, 0.5];
+    this.state = null; this.now = 0; this.follows = true; this.focus = [2.5, 0, 0.5];
     this.reset();
     this.listen();
   }
@@ -155,10 +155,10 @@ class View {
   }
 
   lists() {
-    const now = performance.now(), lists = [];
+    const lists = [];
     const names = [...this.clouds.keys()].sort();
     for (const [sensor, cloud] of this.shows.clouds ? this.clouds : []) {
-      if (now - cloud.at > CLOUD_KEPT_MS) continue;
+      if (this.now - cloud.at > CLOUD_KEPT_S) continue;
       const colour = [...rgb(`--c${names.indexOf(sensor) % 3}`), 1];
       lists.push({ kind: "points", size: 2.5, data: cloud.xyz.flatMap((p) => [...p, ...colour]) });
     }

@@ -5,6 +5,7 @@ const MODES = {
 };
 const MEASURING = {
   no_target: ["bad", "No. Nothing that could be the target stands in the region of interest."],
+  learning: ["warn", "Not yet. What stands in the empty room is being learned."],
   acquiring: ["warn", "Not yet. Something is seen, and its motion is being found out; this takes some seconds."],
   tracking: ["good", "Yes. The target is measured with every epoch."],
   predicted: ["warn", "Not at this moment. Its motion is carried on from the last measurement, less surely every second."],
@@ -30,8 +31,20 @@ const ORIGINS = {
 };
 
 // A prediction over less than a second still rests on measurements: between two late epochs the answer stays.
-const RESTS_MS = 1000;
-const standing = (state) => (state.mode === "predicted" && state.measured_ms_ago < RESTS_MS ? "tracking" : state.mode);
+const standing = (state) => (state.mode === "predicted" && !state.reasons.includes("stale") ? "tracking" : state.mode);
+// A state as it stands when its session is at `now`, s: where no sensor sends there are no epochs to say so.
+const GOOD_S = 1, LOST_S = 3;
+function asOf(state, now) {
+  const age = now - state.t_ns * 1e-9 + (state.measured_ms_ago ?? 0) * 1e-3;
+  if (age <= GOOD_S) return state;
+  const known = state.mode === "tracking" || state.mode === "predicted", lost = known && age > LOST_S;
+  return {
+    ...state, mode: lost ? "lost" : known ? "predicted" : state.mode, validity: "invalid",
+    reasons: [...new Set([...state.reasons, "stale"])], spin: lost ? null : state.spin,
+  };
+}
+// Whether what HEALTH says of an epoch is how it stands.
+const isSo = (told, mode) => told === mode || (told === "predicted" && mode === "tracking");
 
 const digits = (value, count) => (Number.isFinite(value) ? value.toFixed(count) : "–");
 
@@ -75,18 +88,19 @@ const setText = (id, text, kind) => {
   return element;
 };
 
-// The five questions, from what was told last. `since`: when the answer to the first one last changed, ms of the page's clock.
-function answer(state, health, since, isConnected) {
+// The five questions, from what was told last. `so_s`: for how long the answer to the first one has been what it is.
+function answer(state, health, so_s, isConnected) {
   if (!isConnected) {
     setText("q-measuring", "Not known: the daemon does not answer.", "bad");
     setText("q-well", "Not known.", "bad");
     setText("q-missing", "The connection to the daemon.", "bad");
-    setText("q-since", `For ${duration((Date.now() - since) / 1000)}.`, "");
+    setText("q-since", `For ${duration(so_s)}.`, "");
     setText("q-todo", "Check that tumbled runs (systemctl status tumbled). The page connects again by itself.", "bad");
     return;
   }
   const mode = state ? standing(state) : null;
-  const [kind, sentence] = MEASURING[mode] || ["warn", "Not yet: no state has come."];
+  const learns = state && state.reasons.includes("learning");
+  const [kind, sentence] = MEASURING[learns ? "learning" : mode] || ["warn", "Not yet: no state has come."];
   setText("q-measuring", sentence, kind);
   const level = state ? state.validity : "none";
   const fit = { ok: "Valid.", degraded: "Usable with care.", invalid: "Do not use it." }[level] || "Not known yet.";
@@ -101,7 +115,7 @@ function answer(state, health, since, isConnected) {
   const told = health ? [...health.core.reasons, ...health.shell.reasons] : [];
   const missing = [...new Set([...own.map((reason) => reason[0]), ...told.map((reason) => reason.message)])];
   setText("q-missing", missing.length ? `${missing.join("; ")}.` : "Nothing.", missing.length ? "warn" : "good");
-  setText("q-since", `So for ${duration((Date.now() - since) / 1000)}.`, "");
+  setText("q-since", `So for ${duration(so_s)}.`, "");
   const todo = [...new Set(own.map((reason) => reason[1]).filter(Boolean))];
   if (told.length) todo.push("What the sensors and the machine lack is said above with its remedy.");
   if (!todo.length) {
