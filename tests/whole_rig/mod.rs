@@ -2,7 +2,6 @@
 //! on a pseudo terminal, each fed by another process, for as long as it takes. Run by `.ci/long rig`.
 
 mod feeder;
-mod procedure;
 mod watcher;
 
 use std::fs::File;
