@@ -241,8 +241,9 @@ fn a_port_that_is_taken_is_named() {
     assert!(matches!(error, FoxgloveError::Address { .. }) && error.to_string().contains(&address.to_string()));
 }
 
-/// Reads a message as its channel's schema says; panics where it is none, or holds nothing of a target 2.2 m away.
-fn check(topic: &str, schema: &str, payload: &[u8]) {
+/// Reads a message as its channel's schema says; panics where it is none. Tells whether it shows something: the first
+/// crossing of a daemon that has just begun may hold a corner of it only.
+fn check(topic: &str, schema: &str, payload: &[u8]) -> bool {
     let points = |cloud: &PointCloud| {
         let stride = cloud.point_stride as usize;
         assert_eq!(cloud.data.len() % stride, 0, "{topic}");
@@ -255,7 +256,8 @@ fn check(topic: &str, schema: &str, payload: &[u8]) {
         "foxglove.PointCloud" => {
             let cloud = PointCloud::decode(payload).expect("a PointCloud");
             let points = points(&cloud);
-            assert!(points.len() > 100 && points.iter().flatten().all(|x| x.abs() < 200.0), "{topic}");
+            assert!(points.iter().flatten().all(|x| x.abs() < 200.0), "{topic}");
+            return points.len() > 100;
         }
         "foxglove.FrameTransforms" => {
             let transforms = FrameTransforms::decode(payload).expect("FrameTransforms").transforms;
@@ -271,18 +273,20 @@ fn check(topic: &str, schema: &str, payload: &[u8]) {
             let image = RawImage::decode(payload).expect("a RawImage");
             assert_eq!(image.data.len(), (image.step * image.height) as usize);
             let depths = image.data.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]));
-            assert!(depths.filter(|depth| (1_500..2_500).contains(depth)).count() > 1_000, "no target in the image");
+            return depths.filter(|depth| (1_500..2_500).contains(depth)).count() > 1_000;
         }
         "foxglove.SceneUpdate" => {
             let update = SceneUpdate::decode(payload).expect("a SceneUpdate");
             let ends: usize = update.entities[0].lines.iter().map(|line| line.points.len()).sum();
-            assert!(ends > 0 && ends.is_multiple_of(2), "{ends} ends of edges");
+            assert!(ends.is_multiple_of(2), "{ends} ends of edges");
+            return ends > 0;
         }
         "foxglove.Log" => assert!(!Log::decode(payload).expect("a Log").message.is_empty()),
         "tumbled.State" => drop(serde_json::from_slice::<StateLine>(payload).expect("a STATE")),
         "tumbled.Health" => drop(serde_json::from_slice::<HealthLine>(payload).expect("a HEALTH")),
         other => panic!("{topic} has a schema that nobody reads here: {other}"),
     }
+    true
 }
 
 #[test]
@@ -318,8 +322,9 @@ fn every_channel_of_a_running_daemon_gives_what_its_schema_says() {
         let channel = &viewer.channels[id as usize];
         let text = |key: &str| channel[key].as_str().expect("a text").to_owned();
         assert!(stamp > 1_600_000_000_000_000_000, "{} is not on wall time", text("topic"));
-        check(&text("topic"), &text("schemaName"), &payload);
-        wanted.remove(&id);
+        if check(&text("topic"), &text("schemaName"), &payload) {
+            wanted.remove(&id);
+        }
     }
     let topics: BTreeSet<&str> = viewer.channels.iter().filter_map(|channel| channel["topic"].as_str()).collect();
     let all = [
