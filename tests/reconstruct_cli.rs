@@ -22,7 +22,7 @@ fn a_session_gives_the_same_model_on_any_threads_with_the_sides_of_its_target() 
     };
     let report = model("one", "1");
     assert_eq!(report, model("two", "2"));
-    assert_eq!(report.files, ["model.ply", "planes.json", "contour.obj", "contour.json", "model.png"]);
+    assert_eq!(report.files, ["model.ply", "planes.json", "contour.obj", "contour.json", "motion.csv", "model.png"]);
     for file in &report.files {
         let [one, two] = ["one", "two"].map(|folder| std::fs::read(bench.path(folder).join(file)).expect("a file"));
         assert!(!one.is_empty() && one == two, "{file}");
@@ -32,6 +32,10 @@ fn a_session_gives_the_same_model_on_any_threads_with_the_sides_of_its_target() 
     assert_eq!(report.digest, replay.digest);
     // 6 s, of which 0.7 s pass before it is tracked: some 100° at a frame every 3°, fewer than every Kinect frame there was.
     assert!((20..=60).contains(&report.kinect_frames) && report.lidar_frames >= 20, "{report:?}");
+    // 20 °/s about z, by a third of a turn and an operator's config.
+    let spin = report.spin.as_ref().expect("a motion");
+    assert!((spin.rate_dps - 20.0).abs() < 0.2 && spin.axis[2] > 0.9995 && spin.wander_deg < 0.5, "{spin:?}");
+    assert_eq!(bench.read("one/motion.csv").lines().count() as u64, 1 + report.kinect_frames + report.lidar_frames);
     let planes: PlanesFile = serde_json::from_str(&bench.read("one/planes.json")).expect("planes");
     assert_eq!(planes.planes.len() as u64, report.planes);
     // Two sides of the bus were seen: 90° apart to a degree.

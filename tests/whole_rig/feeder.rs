@@ -20,13 +20,13 @@ use tumbled_io::live::{EventReceiver, Ledger, QueueBound, SessionClock, StopToke
 use tumbled_model::Body;
 
 /// What its lines begin with: the test runner writes to the same stream.
-const MARK: &str = "feeder: ";
+pub(super) const MARK: &str = "feeder: ";
 /// Where the Kinect's frames go: a FIFO.
-const KINECT: &str = "TUMBLED_FEEDER_KINECT";
+pub(super) const KINECT: &str = "TUMBLED_FEEDER_KINECT";
 /// The scene: a name or a file.
-const OF_SCENE: &str = "TUMBLED_FEEDER_SCENE";
+pub(super) const OF_SCENE: &str = "TUMBLED_FEEDER_SCENE";
 /// What the stage's pseudo terminal is called, where the scene has one.
-const STAGE: &str = "TUMBLED_FEEDER_STAGE";
+pub(super) const STAGE: &str = "TUMBLED_FEEDER_STAGE";
 
 /// A feeder that runs, as its parent sees it.
 pub(crate) struct Feeder {
@@ -43,11 +43,16 @@ pub(crate) struct Fed {
 impl Feeder {
     /// Starts it on a scene, a name or a file, and waits until that is built.
     pub(crate) fn start(scene: &str, kinect: &Path, stage: &Path) -> Self {
+        Self::spawn("whole_rig::feeder::child", scene, kinect, stage, &[])
+    }
+
+    /// Starts a test of this binary that sends, and waits until it can.
+    pub(super) fn spawn(test: &str, scene: &str, kinect: &Path, stage: &Path, more: &[(&str, String)]) -> Self {
         let this = std::env::current_exe().expect("it has a path");
         // Sensors do not compete with the program for this machine's processors; where `nice` may not, it goes on without.
         let mut command = Command::new("nice");
         command.args(["-n", "-15"]).arg(this);
-        command.args(["--ignored", "--exact", "whole_rig::feeder::child", "--nocapture"]);
+        command.args(["--ignored", "--exact", test, "--nocapture"]).envs(more.iter().cloned());
         command.env(OF_SCENE, scene).env(KINECT, kinect).env(STAGE, stage).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().expect("starts");
         let lines = BufReader::new(child.stdout.take().expect("piped"));
@@ -62,10 +67,14 @@ impl Feeder {
     }
 
     /// Tells it to stop, and waits for its end.
-    pub(crate) fn stop(mut self) -> Fed {
+    pub(crate) fn stop(self) -> Fed {
+        Fed { left_out: serde_json::from_str(&self.stopped()).expect("a report") }
+    }
+
+    /// Tells it to stop; its last line.
+    pub(super) fn stopped(mut self) -> String {
         drop(self.child.stdin.take());
-        let report = self.wait_for("{");
-        Fed { left_out: serde_json::from_str(&report).expect("a report") }
+        self.wait_for("{")
     }
 
     fn wait_for(&mut self, beginning: &str) -> String {

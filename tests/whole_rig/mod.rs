@@ -2,6 +2,8 @@
 //! on a pseudo terminal, each fed by another process, for as long as it takes. Run by `.ci/long rig`.
 
 mod feeder;
+mod prepared;
+mod procedure;
 mod watcher;
 
 use std::fs::File;

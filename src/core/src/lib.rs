@@ -16,7 +16,7 @@
 //! * [`cga`]: points, planes, spheres and motors of conformal geometric algebra;
 //! * [`epoch`]: what a sensor saw at one time; [`health`], [`notice`]: what the core says of itself and its sensors;
 //! * [`estimate`]: epochs to the target's state; [`segment`]: its points; [`track`]: its model; [`ukf`]: its motion;
-//! * [`recon`]: registered frames to planes and a contour;
+//! * [`smooth`]: a session's frames to its whole motion; [`recon`]: registered frames to planes and a contour;
 //! * [`register`]: two clouds of one body to the pose between them;
 //! * [`neighbours`]: who is near whom;
 //! * [`segment`]: which points are the target's;
@@ -50,6 +50,7 @@ pub mod register;
 mod reorder;
 pub mod sector;
 pub mod segment;
+pub mod smooth;
 pub mod surface;
 pub mod track;
 pub mod turntable;

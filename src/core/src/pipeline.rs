@@ -21,7 +21,9 @@ use crate::notice::{Gravity, Notice, NoticeKind, Waiting};
 use crate::reasons::Observer;
 use crate::track::Tracker;
 use crate::turntable::{ErrorWatch, TurntableErrors, TurntableSample};
+use crate::ukf::SensorPrior;
 use crate::workers::Workers;
+use nalgebra::Vector3;
 use tumbled_model::{Body, Command, Event, RigNs, SensorId, Span};
 
 /// What the core gives out. Kept by the caller and cleared between steps: its buffers are used again.
@@ -198,6 +200,12 @@ impl Pipeline {
     /// The model of the target and what is known of beams, after the newest epoch. `None`: there is no target.
     pub fn tracker(&self) -> Option<&Tracker> {
         self.estimator.tracker()
+    }
+
+    /// What the estimation believes of the sensors for a target at `center`, rig frame, m: in the order of the kept frames'
+    /// sensor numbers.
+    pub fn sensor_priors(&self, center: &Vector3<f64>) -> Vec<SensorPrior> {
+        self.estimator.sensor_priors(center)
     }
 
     /// How many targets were begun so far: the number of the newest, whose model [`Pipeline::tracker`] gives. 0: none was.

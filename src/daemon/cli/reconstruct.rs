@@ -23,7 +23,7 @@ use crate::session::{Engine, Pace, Speed};
     The session is played through the core; every 3 degrees of turning a frame of each sensor that shows the target and \
     nothing else is laid on its model once more, and all are fused. Planes are found, points are put on them as far as their \
     distance is noise, and edges are drawn where planes meet or end. Everything is in the target's frame.\n\
-    In DIR: model.ply (points with normals, sigma, plane, counts), planes.json, contour.obj, contour.json, model.png.\n\
+    In DIR: model.ply (points with normals, sigma, plane, counts), planes.json, contour.obj, contour.json, motion.csv, model.png.\n\
     Exit code 3: no frame shows a tracked target, or the inputs are damaged."
 )]
 pub struct Args {
@@ -73,9 +73,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         planes: !args.no_planes,
         ..ReconSettings::default()
     };
-    let last = frames.frames.last().map(|kept| kept.target);
-    let tracker = last.zip(engine.tracker());
-    let made = make::make(&frames.frames, tracker, &settings);
+    let made = make::make(&frames.frames, &engine, &settings);
     progress.finish_and_clear();
     let Some(made) = made else {
         tracing::warn!("no frame shows a tracked target: there is nothing to make a model of");
@@ -96,6 +94,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         ("planes.json", files::planes(&made.model)?),
         ("contour.obj", files::obj(&made.model)?),
         ("contour.json", files::contour(&made.model)?),
+        ("motion.csv", files::motion(&made)),
         ("model.png", picture::png(&made.model)?),
     ];
     for (name, bytes) in &all {

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use tumbled_core::track::Tracker;
 use tumbled_io::live::StopToken;
 use tumbled_sim::scene::Scene;
 
@@ -42,9 +41,9 @@ impl<L: Listener> Lane<L> {
         self.engine.keep_frames();
     }
 
-    /// The model of the target; `None`: there is no target.
-    pub fn tracker(&self) -> Option<&Tracker> {
-        self.engine.tracker()
+    /// Its core.
+    pub fn engine(&self) -> &Engine {
+        &self.engine
     }
 
     /// One hash over everything that came out.

@@ -4,6 +4,7 @@ use std::io::Write;
 
 use tumbled_core::recon::{Edge, EdgeKind, Reconstruction};
 
+use super::Made;
 use super::report::{ContourFile, EdgeLine, PlaneLine, PlanesFile};
 use crate::cli::Failure;
 
@@ -24,6 +25,20 @@ pub fn ply(model: &Reconstruction) -> Vec<u8> {
         bytes.extend(point.lidar.to_le_bytes());
     }
     bytes
+}
+
+/// motion.csv: where the target was at each frame, rig frame, m; in the order of the times, cameras first.
+pub fn motion(made: &Made) -> Vec<u8> {
+    let mut text = "t_ns,x_m,y_m,z_m,qx,qy,qz,qw\n".to_owned();
+    let poses = made.motion.iter().flat_map(|motion| &motion.t_rig_target);
+    let mut rows: Vec<_> = made.laid.iter().zip(poses).collect();
+    rows.sort_by_key(|(laid, _)| (laid.t, laid.sensor));
+    for (laid, pose) in rows {
+        let (at, q) = (&pose.translation.vector, &pose.rotation.coords);
+        let numbers = [at.x, at.y, at.z, q.x, q.y, q.z, q.w].map(|number| format!("{number:.9}")).join(",");
+        text.push_str(&format!("{},{numbers}\n", laid.t.0));
+    }
+    text.into_bytes()
 }
 
 /// planes.json.

@@ -1,20 +1,26 @@
 //! Frames to a model.
 
+use nalgebra::{Isometry3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::estimate::KeptFrame;
 use tumbled_core::recon::{Fused, ReconSettings, Reconstruction, RegisteredFrame, fuse, reconstruct, robust_sigma};
 use tumbled_core::register::SensorKind;
+use tumbled_core::smooth::{FittedPose, Smoothed, smooth};
 use tumbled_core::track::Tracker;
+use tumbled_model::RigNs;
 
-/// Where a frame lies on the target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Source {
-    /// Where it fitted the model as it was when the frame came.
-    Online,
-    /// Where it fits the model as it was at the end, with what was known of the beams then.
-    Refined,
+use crate::session::Engine;
+
+/// Where a frame lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Laid {
+    /// Its sensor's number.
+    pub sensor: usize,
+    /// Its time.
+    pub t: RigNs,
+    /// Target's frame to rig, as the sensor sees it.
+    pub t_rig_target: Isometry3<f64>,
 }
 
 /// A model and what it was made of.
@@ -24,6 +30,10 @@ pub struct Made {
     pub target: u32,
     /// The frames it was made of.
     pub frames: Vec<RegisteredFrame>,
+    /// Where they lie, in the same order.
+    pub laid: Vec<Laid>,
+    /// How the target moved; `None`: too few frames, or the session ended with another target.
+    pub motion: Option<Smoothed>,
     /// Frames of other targets of the session, left out.
     pub others: usize,
     /// What was fused.
@@ -46,32 +56,56 @@ pub struct Thickness {
     pub after_mm: f64,
 }
 
-/// A model of the target that most of the frames show; `tracker`: the model at the session's end, if it is that target's.
-/// `None`: there are no frames.
-pub fn make(frames: &[KeptFrame], tracker: Option<(u32, &Tracker)>, settings: &ReconSettings) -> Option<Made> {
+/// A model of the target that most of the frames show; `engine` as it is at the session's end. `None`: there are no frames.
+pub fn make(frames: &[KeptFrame], engine: &Engine, settings: &ReconSettings) -> Option<Made> {
     let count = |target: u32| frames.iter().filter(|kept| kept.target == target).count();
     let last = frames.iter().map(|kept| kept.target).max()?;
     // Of as many the later one.
     let target = (0..=last).max_by_key(|target| (count(*target), *target))?;
-    let of_it = || frames.iter().filter(|kept| kept.target == target);
-    let registered: Vec<RegisteredFrame> = match tracker.filter(|(of, _)| *of == target) {
-        Some((_, tracker)) => {
-            let mut tracker = tracker.clone();
-            of_it().map(|kept| refined(kept, &mut tracker)).collect()
-        }
-        None => of_it().map(|kept| RegisteredFrame::new(&kept.frame, &kept.t_rig_target, None)).collect(),
+    let of_it: Vec<&KeptFrame> = frames.iter().filter(|kept| kept.target == target).collect();
+    let tracker = engine.model().filter(|(of, _)| *of == target).map(|(_, tracker)| tracker);
+    let fitted: Vec<FittedPose> = match tracker {
+        Some(tracker) => fitted(&of_it, tracker),
+        None => Vec::new(),
     };
+    let motion = smooth(&fitted, &engine.sensor_priors(&middle(&of_it)));
+    let place = |number: usize| motion.as_ref().and_then(|motion| motion.placed.get(number));
+    let mut registered = Vec::with_capacity(of_it.len());
+    let mut laid = Vec::with_capacity(of_it.len());
+    for (number, kept) in of_it.iter().enumerate() {
+        let shot = kept.frame.shot();
+        let t_rig_target =
+            *place(number).or(fitted.get(number).map(|fit| &fit.t_rig_target)).unwrap_or(&kept.t_rig_target);
+        let beams = tracker.and_then(|tracker| tracker.beams(shot.sensor));
+        registered.push(RegisteredFrame::new(&kept.frame, &t_rig_target, beams));
+        laid.push(Laid { sensor: shot.sensor, t: shot.t, t_rig_target });
+    }
     let fused = fuse(&registered);
     let model = reconstruct(&fused.points, &registered, settings);
     let others = frames.len() - registered.len();
-    Some(Made { target, frames: registered, others, fused, model, settings: *settings })
+    Some(Made { target, frames: registered, laid, motion, others, fused, model, settings: *settings })
 }
 
-/// A frame laid on the whole model.
-fn refined(kept: &KeptFrame, tracker: &mut Tracker) -> RegisteredFrame {
-    let fit = tracker.fit(&kept.frame, &kept.t_rig_target);
-    let pose = if fit.is_trusted() { fit.t_rig_target } else { kept.t_rig_target };
-    RegisteredFrame::new(&kept.frame, &pose, tracker.beams(kept.frame.shot().sensor))
+/// The frames laid on the whole model, each from where it fitted the model of its time.
+fn fitted(frames: &[&KeptFrame], tracker: &Tracker) -> Vec<FittedPose> {
+    let mut tracker = tracker.clone();
+    let lay = |kept: &&KeptFrame| {
+        let fit = tracker.fit(&kept.frame, &kept.t_rig_target);
+        let trusted = fit.is_trusted();
+        FittedPose {
+            t: kept.frame.shot().t,
+            sensor: kept.frame.shot().sensor,
+            t_rig_target: if trusted { fit.t_rig_target } else { kept.t_rig_target },
+            information: trusted.then_some(fit.information),
+        }
+    };
+    frames.iter().map(lay).collect()
+}
+
+/// Where the target was on the whole, rig frame, m.
+fn middle(frames: &[&KeptFrame]) -> Vector3<f64> {
+    let sum: Vector3<f64> = frames.iter().map(|kept| kept.t_rig_target.translation.vector).sum();
+    sum / frames.len().max(1) as f64
 }
 
 impl Made {

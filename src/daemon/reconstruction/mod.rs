@@ -12,5 +12,5 @@ pub mod picture;
 pub mod report;
 
 pub use gather::Frames;
-pub use make::{Made, Source};
+pub use make::Made;
 pub use report::ReconstructReport;

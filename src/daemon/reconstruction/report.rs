@@ -1,9 +1,11 @@
 //! What a model is like, for machines and for people.
 
+use nalgebra::{Isometry3, Point3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::recon::{Edge, EdgeKind, FoundPlane};
 use tumbled_core::register::SensorKind;
+use tumbled_core::smooth::Smoothed;
 
 use super::make::{Made, Thickness};
 use crate::stream::StreamOrigin;
@@ -45,12 +47,56 @@ pub struct ReconstructReport {
     pub kinect: Option<Thickness>,
     /// How thick the LiDARs' points do.
     pub lidar: Option<Thickness>,
+    /// How the target turned, by all frames at once; null: too few frames, or the session ended with another target.
+    pub spin: Option<SpinReport>,
     /// The files, in the output folder.
     pub files: Vec<String>,
     /// Nothing of the inputs was missing and nothing stopped the replay. Otherwise the exit code is 3.
     pub complete: bool,
     /// What a person should know.
     pub warnings: Vec<String>,
+}
+
+/// How the target turned over the frames of the model: every frame takes part (a fixed-interval smoother).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpinReport {
+    /// Mean axis, rig frame, of length 1; the target turns about it by the right hand.
+    pub axis: [f64; 3],
+    /// One standard deviation of its direction, degrees, for one axis across it; how well the sensors' directions are known
+    /// is in it.
+    pub axis_sigma_deg: f64,
+    /// Mean rate, °/s.
+    pub rate_dps: f64,
+    /// One standard deviation, °/s.
+    pub rate_sigma_dps: f64,
+    /// How far the axis wandered from its mean, degrees, root mean square: near 0 for a fixed axis.
+    pub wander_deg: f64,
+    /// How freely the rate was let wander, °/s^1.5: the likeliest of six.
+    pub liberty_dps: f64,
+    /// How each sensor's cloud is displaced on the target, by sensors' order in the config (cameras first): rotation,
+    /// degrees.
+    pub displaced_deg: Vec<f64>,
+    /// See `displaced_deg`: at the target, mm.
+    pub displaced_mm: Vec<f64>,
+}
+
+impl SpinReport {
+    /// Of a motion of a target about where `place` is, rig frame.
+    pub fn new(motion: &Smoothed, place: &Point3<f64>) -> Self {
+        let spin = &motion.spin;
+        let displaced = |of: &dyn Fn(&Isometry3<f64>) -> f64| motion.displacements.iter().map(of).collect();
+        Self {
+            axis: spin.rate_rps.try_normalize(f64::MIN_POSITIVE).unwrap_or_default().into(),
+            axis_sigma_deg: spin.sigma_axis_rad.to_degrees(),
+            rate_dps: spin.rate_rps.norm().to_degrees(),
+            rate_sigma_dps: spin.sigma_rate_rps.to_degrees(),
+            wander_deg: spin.wander_rad.to_degrees(),
+            liberty_dps: motion.liberty.to_degrees(),
+            displaced_deg: displaced(&|motion| motion.rotation.angle().to_degrees()),
+            displaced_mm: displaced(&|motion| 1e3 * (motion * place - place).norm()),
+        }
+    }
 }
 
 /// A plane of planes.json; target's frame, metres.
@@ -163,6 +209,12 @@ impl EdgeLine {
     }
 }
 
+/// Where the target was on the whole, rig frame, m.
+fn middle(motion: &Smoothed) -> Point3<f64> {
+    let sum: Vector3<f64> = motion.t_rig_target.iter().map(|pose| pose.translation.vector).sum();
+    (sum / motion.t_rig_target.len().max(1) as f64).into()
+}
+
 /// Counts and thicknesses of a model; what of the session it does not know is left empty.
 pub fn of_model(made: &Made) -> ReconstructReport {
     let frames = |kind| made.frames.iter().filter(|frame| frame.kind == kind).count() as u64;
@@ -185,6 +237,7 @@ pub fn of_model(made: &Made) -> ReconstructReport {
         occlusions: edges(EdgeKind::Occlusion),
         kinect: made.thickness(SensorKind::Kinect),
         lidar: made.thickness(SensorKind::Lidar),
+        spin: made.motion.as_ref().map(|motion| SpinReport::new(motion, &middle(motion))),
         files: Vec::new(),
         complete: false,
         warnings: Vec::new(),
@@ -214,6 +267,13 @@ impl ReconstructReport {
                     "thickness of {name} points on planes: {before_mm:.2} mm before, {after_mm:.2} mm after ({points} points)\n"
                 ));
             }
+        }
+        if let Some(spin) = &self.spin {
+            let [x, y, z] = spin.axis;
+            text.push_str(&format!(
+                "turned at {:.4} ± {:.4} °/s about ({x:.4}, {y:.4}, {z:.4}) ± {:.3}°, wandering {:.2}° (all frames at once)\n",
+                spin.rate_dps, spin.rate_sigma_dps, spin.axis_sigma_deg, spin.wander_deg
+            ));
         }
         text
     }

@@ -141,6 +141,7 @@ fn point(surfel: &Surfel) -> FusedPoint {
         kinect: 0,
         lidar: 0,
         views_rad: 0.0,
+        beside_cameras: false,
     }
 }
 

@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
 use tumbled_core::estimate::{EstimateHealth, NamedPoint, TargetState};
 use tumbled_core::track::Tracker;
+use tumbled_core::ukf::SensorPrior;
 use tumbled_core::{CoreConfig, Outputs, Pipeline, SensorHealth, WallClock, Workers};
 use tumbled_io::recording::RecordingHeader;
 use tumbled_model::{Body, Event};
@@ -126,6 +128,16 @@ impl Engine {
     /// The model of the target; `None`: there is no target.
     pub fn tracker(&self) -> Option<&Tracker> {
         self.pipeline.tracker()
+    }
+
+    /// The same with the target's number in the session.
+    pub fn model(&self) -> Option<(u32, &Tracker)> {
+        Some((self.pipeline.targets(), self.tracker()?))
+    }
+
+    /// What the estimation believes of the sensors for a target at a place, rig frame, m.
+    pub fn sensor_priors(&self, center: &Vector3<f64>) -> Vec<SensorPrior> {
+        self.pipeline.sensor_priors(center)
     }
 
     /// The chain's value now.

@@ -12,6 +12,9 @@ const SMALL: f64 = 1e-4;
 /// Below this angle the coefficient of `V⁻¹` comes from its series: it cancels earlier than the others.
 const SMALL_INVERSE: f64 = 1e-2;
 
+/// Terms of a series at most: for two turns the next one is below 1e-16.
+const MOST_TERMS: u32 = 60;
+
 /// A rigid motion's twist.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Twist {
@@ -48,6 +51,27 @@ impl Twist {
     pub fn log(motion: &Isometry3<f64>) -> Self {
         let rotation = log_rotation(&motion.rotation);
         Self { rotation, translation: inverse_left_jacobian(&rotation) * motion.translation.vector }
+    }
+}
+
+impl Twist {
+    /// `J(ξ)`, the left Jacobian of SE(3): `Exp(ξ + δ) = Exp(J δ) Exp(ξ)` for small δ; its series `Σ adⁿ/(n+1)!`.
+    pub fn left_jacobian(&self) -> Matrix6<f64> {
+        let (turn, shift) = (skew(&self.rotation), skew(&self.translation));
+        let mut ad = Matrix6::zeros();
+        ad.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+        ad.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
+        ad.fixed_view_mut::<3, 3>(3, 0).copy_from(&shift);
+        let mut term = Matrix6::identity();
+        let mut sum = term;
+        for n in 1..MOST_TERMS {
+            term *= ad / f64::from(n + 1);
+            sum += term;
+            if term.amax() < f64::EPSILON {
+                break;
+            }
+        }
+        sum
     }
 }
 
@@ -179,6 +203,15 @@ mod tests {
         fn the_left_jacobian_and_its_inverse_are_inverses(twist in twist()) {
             let product = left_jacobian(&twist.rotation) * inverse_left_jacobian(&twist.rotation);
             prop_assert!((product - Matrix3::identity()).norm() < 1e-9);
+        }
+
+        #[test]
+        fn a_step_beside_a_twist_is_the_left_jacobians_before_it(twist in twist(), way in direction(), turn in direction()) {
+            let step = Twist::new(turn * 1e-6, way * 1e-6).vector();
+            let there = Twist::from_vector(&(twist.vector() + step)).exp();
+            let beside = Twist::from_vector(&(twist.left_jacobian() * step)).exp() * twist.exp();
+            let off = Twist::log(&(there * beside.inverse())).vector().norm();
+            prop_assert!(off < 1e-9, "{off:e}");
         }
 
         #[test]

@@ -18,9 +18,9 @@ use crate::epoch::Epoch;
 use crate::notice::{Gravity, NoticeKind};
 use crate::segment::{Expectation, Search, Segment, Segmenter};
 use crate::track::{RigMotion, Surfels, TrackFrame, Tracker};
-use crate::ukf::{Motion, PoseMeasurement};
+use crate::ukf::{Motion, PoseMeasurement, SensorPrior};
 use crate::workers::Workers;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use tumbled_model::{Command, RigNs, SensorId, Span};
 
 /// Points of the target below which nothing is begun.
@@ -118,6 +118,11 @@ impl Estimator {
             Stage::Tracking(tracking) => Some(&tracking.tracker),
             Stage::Lost(missed) => Some(&missed.tracker),
         }
+    }
+
+    /// What the filter believes of the sensors for a target at a place, rig frame; in the frames' numbers.
+    pub(crate) fn sensor_priors(&self, center: &Vector3<f64>) -> Vec<SensorPrior> {
+        self.sensors.iter().map(|sensor| sensor.prior(center)).collect()
     }
 
     /// How many targets were begun.

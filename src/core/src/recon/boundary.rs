@@ -1,6 +1,7 @@
 //! Boundaries: where a plane's points end.
 
 use super::contour::{Edge, EdgeKind};
+use super::line_up::lined_up;
 use super::plane::FoundPlane;
 use super::rim::{Rim, Strip};
 use nalgebra::{Point2, Vector2};
@@ -31,31 +32,52 @@ const CORNER_CELLS: f64 = 3.0;
 const CONFIRMED_RAD: f64 = 0.349;
 
 /// A side of an outline with a line through its outermost points.
-struct Side {
-    from: Point2<f64>,
-    to: Point2<f64>,
-    sigma_m: f64,
+pub(super) struct Side {
+    pub(super) from: Point2<f64>,
+    pub(super) to: Point2<f64>,
+    pub(super) sigma_m: f64,
     /// Points that it was drawn by, as many as are independent.
-    count: f64,
+    pub(super) count: f64,
+    /// These points, on the line they are the edge of.
+    pub(super) places: Vec<Point2<f64>>,
+    /// Of its direction: one standard deviation, rad.
+    pub(super) direction_sigma_rad: f64,
     views_rad: f64,
+}
+
+impl Side {
+    /// By points 2 mm off in turn, each of which counts: robustly 1.4826 times that.
+    #[cfg(test)]
+    pub(super) fn drawn([from, to]: [Point2<f64>; 2], places: Vec<Point2<f64>>) -> Self {
+        let (sigma_m, count) = (0.002 * 1.4826, places.len() as f64);
+        let direction_sigma_rad = sigma_m * libm::sqrt(12.0 / count) / (to - from).norm();
+        Self { from, to, sigma_m, count, places, direction_sigma_rad, views_rad: 0.0 }
+    }
+
+    pub(super) fn length(&self) -> f64 {
+        (self.to - self.from).norm()
+    }
+
+    pub(super) fn direction(&self) -> Vector2<f64> {
+        (self.to - self.from) / self.length().max(1e-12)
+    }
 }
 
 /// The boundaries of a plane.
 pub(super) fn boundaries(rim: &Rim, plane: &FoundPlane, number: u32) -> Vec<Edge> {
-    let mut edges = Vec::new();
-    for outline in plane.raster.outlines() {
-        let corners = simplified(&outline, SPLIT * plane.raster.cell_m());
+    let cell_m = plane.raster.cell_m();
+    let sides_of = |outline: &Vec<Point2<f64>>| {
+        let corners = simplified(outline, SPLIT * cell_m);
         let next = corners.iter().cycle().skip(1);
-        let mut sides: Vec<Option<Side>> =
-            corners.iter().zip(next).map(|(from, to)| side(rim, plane.raster.cell_m(), from, to)).collect();
-        meet_neighbours(&mut sides, CORNER_CELLS * plane.raster.cell_m());
-        for side in sides.into_iter().flatten() {
-            let length = (side.to - side.from).norm();
-            if length < SHORTEST_M {
-                continue;
-            }
-            let direction_sigma_rad = side.sigma_m * libm::sqrt(12.0 / side.count) / length;
-            if direction_sigma_rad > VAGUE_RAD {
+        corners.iter().zip(next).map(|(from, to)| side(rim, cell_m, from, to)).collect()
+    };
+    let mut outlines: Vec<Vec<Option<Side>>> = plane.raster.outlines().iter().map(sides_of).collect();
+    lined_up(&mut outlines.iter_mut().flatten().flatten().collect::<Vec<_>>(), cell_m);
+    let mut edges = Vec::new();
+    for sides in &mut outlines {
+        meet_neighbours(sides, CORNER_CELLS * cell_m);
+        for side in sides.iter().flatten() {
+            if side.length() < SHORTEST_M || side.direction_sigma_rad > VAGUE_RAD {
                 continue;
             }
             edges.push(Edge {
@@ -65,7 +87,7 @@ pub(super) fn boundaries(rim: &Rim, plane: &FoundPlane, number: u32) -> Vec<Edge
                 angle_rad: None,
                 // Across the plane as well as in it.
                 sigma_m: libm::hypot(side.sigma_m / libm::sqrt(side.count), plane.height_sigma_m),
-                direction_sigma_rad,
+                direction_sigma_rad: side.direction_sigma_rad,
             });
         }
     }
@@ -144,12 +166,15 @@ fn side(rim: &Rim, cell_m: f64, from: &Point2<f64>, to: &Point2<f64>) -> Option<
         (outermost.into_iter().map(|(at, off, _)| (at, off)).collect(), count)
     };
     let (level, slope, sigma_m) = fitted(&places, cell_m)?;
-    let at = |at: f64| from + along * at + out * (level + slope * at + INSET * cell_m);
-    Some(Side { from: at(0.0), to: at(length), sigma_m, count, views_rad })
+    let inset = out * (INSET * cell_m);
+    let at = |at: f64| from + along * at + out * (level + slope * at) + inset;
+    let places = places.iter().map(|(at, off)| from + along * *at + out * *off + inset).collect();
+    let direction_sigma_rad = sigma_m * libm::sqrt(12.0 / count) / length;
+    Some(Side { from: at(0.0), to: at(length), sigma_m, count, places, direction_sigma_rad, views_rad })
 }
 
 /// off = level + slope · at, by least squares in which far points lose their say; with the scatter about it, m.
-fn fitted(found: &[(f64, f64)], cell_m: f64) -> Option<(f64, f64, f64)> {
+pub(super) fn fitted(found: &[(f64, f64)], cell_m: f64) -> Option<(f64, f64, f64)> {
     let (mut level, mut slope) = (0.0, 0.0);
     let mut scatter = 0.0;
     for round in 0..6 {

@@ -1,5 +1,6 @@
 //! Registered frames to one point for each bit of the target's surface.
 
+use crate::neighbours::KdTree;
 use crate::register::SensorKind;
 use crate::track::{BeamBiases, Growing, Observed, TrackFrame};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -80,6 +81,9 @@ pub struct FusedPoint {
     pub lidar: u32,
     /// The widest angle between the first sight on it and any other, rad.
     pub views_rad: f64,
+    /// A LiDAR saw it, next to what cameras saw, and they did not: its spots reach over an edge, and lie where the next surface
+    /// pulls them. It is a point of the surface, but does not tell where that ends.
+    pub beside_cameras: bool,
 }
 
 /// What was fused.
@@ -97,6 +101,10 @@ pub struct Fused {
 const STEADY: f64 = 0.2;
 /// So many returns of a LiDAR are no flying pixels: its spots are few on any place.
 const STEADY_RETURNS: u32 = 2;
+/// How far cameras' sight of an edge goes before a LiDAR's, m: three spots at 2 m.
+const CAMERAS_REACH_M: f32 = 0.04;
+/// Frames of cameras that have seen a point, at least, for it to be seen by them.
+const SEEN_BY_CAMERAS: u32 = 3;
 
 /// Those of a surface's points, by their numbers, that were seen often enough to tell where it ends.
 pub(super) fn steady<'a>(points: &'a [FusedPoint], members: &'a [u32]) -> impl Iterator<Item = &'a FusedPoint> {
@@ -105,7 +113,9 @@ pub(super) fn steady<'a>(points: &'a [FusedPoint], members: &'a [u32]) -> impl I
     let middle = counts.len() / 2;
     let usual = if counts.is_empty() { 0 } else { *counts.select_nth_unstable(middle).1 };
     let least = STEADY * f64::from(usual);
-    of_it().filter(move |point| f64::from(point.kinect) >= least || point.lidar >= STEADY_RETURNS)
+    of_it().filter(move |point| {
+        f64::from(point.kinect) >= least || (point.lidar >= STEADY_RETURNS && !point.beside_cameras)
+    })
 }
 
 /// What was seen of one surfel.
@@ -164,11 +174,22 @@ pub fn fuse(frames: &[RegisteredFrame]) -> Fused {
             kinect: seen.kinect,
             lidar: seen.lidar,
             views_rad: libm::acos(seen.least_cosine.clamp(-1.0, 1.0)),
+            beside_cameras: false,
         });
     }
+    mark_beside_cameras(&mut points);
     let rare = surfels.len() - points.len();
     for home in part_of.iter_mut().flatten() {
         *home = home.and_then(|home| renumbered.get(home as usize).copied().flatten());
     }
     Fused { points, part_of, rare }
+}
+
+fn mark_beside_cameras(points: &mut [FusedPoint]) {
+    let seen = |point: &FusedPoint| point.kinect >= SEEN_BY_CAMERAS;
+    let places: Vec<Point3<f32>> = points.iter().filter(|point| seen(point)).map(|point| point.place.cast()).collect();
+    let tree = KdTree::build(&places);
+    for point in points.iter_mut().filter(|point| !seen(point)) {
+        point.beside_cameras = tree.nearest(&point.place.cast(), CAMERAS_REACH_M * CAMERAS_REACH_M).is_some();
+    }
 }

@@ -18,6 +18,7 @@ pub mod contour;
 mod crease;
 pub mod fuse;
 mod grow;
+mod line_up;
 mod moments;
 pub mod plane;
 mod raster;

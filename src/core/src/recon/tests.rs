@@ -164,7 +164,15 @@ fn what_is_no_plane_stays_as_it_was_measured() {
         .map(|_| {
             let out = Vector3::from_fn(|_, _| normal(&mut rng)).normalize();
             let place = Point3::from(out * (0.15 + 0.002 * normal(&mut rng)));
-            FusedPoint { place, normal: out, sigma_m: 0.002, kinect: 9, lidar: 0, views_rad: 1.0 }
+            FusedPoint {
+                place,
+                normal: out,
+                sigma_m: 0.002,
+                kinect: 9,
+                lidar: 0,
+                views_rad: 1.0,
+                beside_cameras: false,
+            }
         })
         .collect();
     let made = reconstruct(&points, &[], &ReconSettings::default());
@@ -179,7 +187,15 @@ fn sides_of_a_thin_panel_are_two_planes() {
         (0..2000)
             .map(|_| {
                 let place = Point3::new(uniform(rng) * 0.6, uniform(rng) * 0.3, out * 0.0075 + 0.003 * normal(rng));
-                FusedPoint { place, normal: Vector3::z() * out, sigma_m: 0.003, kinect: 9, lidar: 0, views_rad: 1.0 }
+                FusedPoint {
+                    place,
+                    normal: Vector3::z() * out,
+                    sigma_m: 0.003,
+                    kinect: 9,
+                    lidar: 0,
+                    views_rad: 1.0,
+                    beside_cameras: false,
+                }
             })
             .collect()
     };
@@ -227,6 +243,7 @@ fn no_points_and_nonsense_have_no_planes() {
         kinect: 1,
         lidar: 0,
         views_rad: 0.0,
+        beside_cameras: false,
     };
     assert!(reconstruct(&vec![nonsense; 100], &[], &settings).planes.is_empty());
 }

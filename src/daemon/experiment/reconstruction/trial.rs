@@ -1,6 +1,6 @@
 //! One target and seed: its models, and how far they are from the truth.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::estimate::KeptFrame;
@@ -16,6 +16,7 @@ use tumbled_sim::target::TargetKind;
 use super::truth::SeenTruth;
 use crate::cli::Failure;
 use crate::experiment::lanes::{self, Lane};
+use crate::reconstruction::make::Laid;
 use crate::reconstruction::{Frames, Made, make};
 use crate::simulation::rig::{Sensors, View};
 use crate::simulation::scenes;
@@ -76,8 +77,12 @@ pub struct Row {
     pub precision: Option<f64>,
     /// Share of the seen true edges of 5 cm and more on the contour.
     pub recall: Option<f64>,
-    /// How far poses a turn apart differ from the truth's, degrees: root mean square.
+    /// How far the frames' poses a turn apart differ from the truth's, degrees: root mean square.
     pub loop_deg: Option<f64>,
+    /// How far the turn's mean axis is off, degrees.
+    pub axis_deg: Option<f64>,
+    /// How far its rate is off, °/s.
+    pub rate_dps: Option<f64>,
 }
 
 impl Trial {
@@ -108,7 +113,6 @@ impl Trial {
         let mut rows = Vec::new();
         for ((name, _), lane) in LANES.iter().zip(&lanes) {
             let frames = &lane.listener.frames;
-            let tracker = frames.last().map(|kept| kept.target).zip(lane.tracker());
             let row = |planes: bool, made: Option<&Made>| {
                 let blank = Row {
                     target: self.target.0.to_owned(),
@@ -119,7 +123,7 @@ impl Trial {
                 };
                 made.map_or(blank.clone(), |made| score(blank, &scene, &truth, frames, made))
             };
-            let made = make::make(frames, tracker, &ReconSettings::default());
+            let made = make::make(frames, lane.engine(), &ReconSettings::default());
             rows.push(row(true, made.as_ref()));
             rows.push(row(false, made.map(Made::without_planes).as_ref()));
         }
@@ -144,6 +148,7 @@ fn score(row: Row, scene: &Scene, truth: &SeenTruth, frames: &[KeptFrame], made:
     let lidar = lidar_points(truth, &pose, made);
     let tree = KdTree::build(&made.model.points.iter().map(|point| (pose * point.place).cast()).collect::<Vec<_>>());
     let near = truth.area.iter().filter(|place| tree.nearest(&place.cast(), WITHIN_M * WITHIN_M).is_some()).count();
+    let spin = made.motion.as_ref().and_then(|motion| spin_error(scene, made, &motion.spin.rate_rps));
     let (precision, recall) = precision_recall(&made.model.edges, &pose, &truth.edges, &truth.seen_edges);
     Row {
         points: made.model.points.len() as u64,
@@ -154,7 +159,9 @@ fn score(row: Row, scene: &Scene, truth: &SeenTruth, frames: &[KeptFrame], made:
         complete: (!truth.area.is_empty()).then(|| near as f64 / truth.area.len() as f64),
         precision: precision.filter(|_| row.planes),
         recall: recall.filter(|_| row.planes),
-        loop_deg: loop_error_deg(scene, frames, &pose),
+        loop_deg: loop_error_deg(scene, made, &pose),
+        axis_deg: spin.map(|(axis, _)| axis.to_degrees()),
+        rate_dps: spin.map(|(_, rate)| rate.to_degrees()),
         ..row
     }
 }
@@ -175,22 +182,27 @@ fn lidar_points(truth: &SeenTruth, pose: &Isometry3<f64>, made: &Made) -> Option
     (count > 0.0).then(|| ((before / count).sqrt(), (after / count).sqrt()))
 }
 
+/// How far an angular velocity is off that of the truth in the middle of the frames: its direction, rad, and length, rad/s.
+fn spin_error(scene: &Scene, made: &Made, rate_rps: &Vector3<f64>) -> Option<(f64, f64)> {
+    let truth = scene.world.target(made.laid.get(made.laid.len() / 2)?.t)?.angular_velocity_rps;
+    Some((truth.angle(rate_rps), (rate_rps.norm() - truth.norm()).abs()))
+}
+
 /// How far the turn between frames of one sensor, a turn of the target apart, is off.
-fn loop_error_deg(scene: &Scene, frames: &[KeptFrame], pose: &Isometry3<f64>) -> Option<f64> {
+fn loop_error_deg(scene: &Scene, made: &Made, pose: &Isometry3<f64>) -> Option<f64> {
     let (mut squares, mut count) = (0.0, 0.0);
-    for first in frames {
-        let shot = first.frame.shot();
-        let later = RigNs(shot.t.0 + (TURN_S * 1e9) as i64);
-        let same = frames.iter().filter(|kept| kept.frame.shot().sensor == shot.sensor && kept.target == first.target);
-        let Some(last) = same.min_by_key(|kept| (kept.frame.shot().t - later).0.abs()) else { continue };
+    for first in &made.laid {
+        let later = RigNs(first.t.0 + (TURN_S * 1e9) as i64);
+        let same = made.laid.iter().filter(|laid| laid.sensor == first.sensor);
+        let Some(last) = same.min_by_key(|laid| (laid.t - later).0.abs()) else { continue };
         // A frame is kept every 3°: half a second and a half of a turn in the slowest case.
-        if (last.frame.shot().t - later).0.abs() > 200_000_000 {
+        if (last.t - later).0.abs() > 200_000_000 {
             continue;
         }
-        let truth = |kept: &KeptFrame| Some(scene.world.target(kept.frame.shot().t)?.t_rig_body);
+        let truth = |laid: &Laid| Some(scene.world.target(laid.t)?.t_rig_body);
         let (Some(a), Some(b)) = (truth(first), truth(last)) else { continue };
         // In the mesh's frame, which the estimate's is laid on.
-        let [from, to] = [first, last].map(|kept| kept.t_rig_target * pose.inverse());
+        let [from, to] = [first, last].map(|laid| laid.t_rig_target * pose.inverse());
         let off = (a.inverse() * b).inverse() * (from.inverse() * to);
         let angle = off.rotation.angle().to_degrees();
         squares += angle * angle;
