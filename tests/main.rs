@@ -35,6 +35,7 @@ mod ordered_recordings;
 mod page_answers;
 mod pose_campaign_cli;
 mod predicted;
+mod readme;
 mod real_states;
 mod reconstruct_cli;
 mod record_cli;

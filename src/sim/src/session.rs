@@ -12,7 +12,6 @@ use bytes::Bytes;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::iter::Peekable;
 use std::sync::Arc;
 use tumbled_model::{Body, DepthEncoding, PacketMask, RigNs, SensorId, Span};
 
@@ -67,7 +66,7 @@ pub struct Simulation {
     positions: Vec<Sender>,
     frames: Vec<Sender>,
     /// The stage and its host.
-    serial: Option<Peekable<Conversation>>,
+    serial: Option<Conversation>,
     chunks: u64,
     /// Everything sent before this instant has been made.
     made: RigNs,
@@ -83,7 +82,7 @@ impl Simulation {
         let positions =
             scene.lidars.iter().map(|lidar| sender(&format!("{}.position", lidar.id), lidar.line)).collect();
         let frames = scene.kinects.iter().map(|kinect| sender(kinect.id.as_str(), kinect.line)).collect();
-        let serial = scene.conversation().map(Iterator::peekable);
+        let serial = scene.conversation();
         let (made, waiting) = (RigNs(0), BinaryHeap::new());
         Self { scene, pool, packets, positions, frames, serial, chunks: 0, made, waiting }
     }
@@ -111,7 +110,7 @@ impl Simulation {
     fn make_chunks(&mut self, until: RigNs) {
         let place = 2 * self.scene.lidars.len() + self.scene.kinects.len();
         let Some(serial) = &mut self.serial else { return };
-        while let Some(entry) = serial.next_if(|entry| entry.at < until) {
+        while let Some(entry) = serial.next_before(until) {
             let body = Body::SerialChunk { sensor: SensorId::from(turntable::SENSOR), bytes: Bytes::from(entry.bytes) };
             self.waiting.push(Reverse(Waiting { arrived: entry.at, place: (place, self.chunks), body }));
             self.chunks += 1;

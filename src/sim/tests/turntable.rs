@@ -178,6 +178,27 @@ fn a_log_is_in_the_order_of_its_times() {
 }
 
 #[test]
+fn a_host_that_was_away_hears_all_it_has_to_know_again() {
+    let emulator = ZaberEmulator::new(settings(), scripted(steady(), Vec::new()));
+    let mut conversation = Conversation::new(emulator, session(8.0));
+    // Away from the first millisecond on: nothing of the opening was heard.
+    while conversation.next_before(s(0.001)).is_some() {}
+    conversation.resume(s(5.0));
+    assert_eq!(conversation.next_before(s(5.0)), None);
+    let rest: Vec<LogEntry> = conversation.collect();
+    assert!(rest.iter().all(|entry| entry.at >= s(5.0)));
+    // Counts of a turn and the rest, asked for as at the start.
+    let asked = |entries: &[LogEntry]| -> Vec<Vec<u8>> {
+        entries.iter().filter(|entry| entry.side == Side::Host).take(6).map(|entry| entry.bytes.clone()).collect()
+    };
+    assert_eq!(asked(&rest), asked(&log(scripted(steady(), Vec::new()), settings(), &session(1.0))));
+    let (samples, _) = listen(&rest);
+    // 3 s at 50 a second, less the opening.
+    assert!((140..=150).contains(&samples.len()), "{}", samples.len());
+    assert!(samples.iter().all(|sample| sample.at >= s(5.0)));
+}
+
+#[test]
 fn a_coarse_noisy_encoder_shows_its_steps_and_its_noise() {
     let scale = Scale::new(768_000, 100).expect("a turn has counts");
     let emulator = EmulatorSettings { scale, noise_counts: 300.0, ..settings() };

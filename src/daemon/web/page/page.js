@@ -143,8 +143,8 @@ function showHealth(line) {
 function showState() {
   const shows = state && asOf(state, now);
   const shown = document.getElementById("mode");
-  shown.dataset.mode = shows ? shows.mode : "";
-  setText("mode", shows ? MODES[shows.mode] || shows.mode : "no state yet");
+  shown.dataset.mode = shows ? standing(shows) : "";
+  setText("mode", shows ? MODES[standing(shows)] || standing(shows) : "no state yet");
   const spin = shows && shows.spin;
   setText("rate", spin ? `${digits(spin.rate_dps, 3)} ±${digits(spin.rate_sigma_dps, 3)}` : "–");
   setText("axis", spin ? spin.axis.map((part) => digits(part, 3)).join("  ") : "–");

@@ -104,6 +104,8 @@ pub struct Conversation {
     requests: u64,
     attempt: u32,
     heard: Vec<Heard>,
+    /// Said already, but not before the time that was asked for.
+    held: Option<LogEntry>,
 }
 
 impl Conversation {
@@ -117,9 +119,30 @@ impl Conversation {
             requests: 0,
             attempt: 0,
             heard: Vec::new(),
+            held: None,
             emulator,
             settings,
         }
+    }
+
+    /// The next that is said, if that is before `until`.
+    pub fn next_before(&mut self, until: RigNs) -> Option<LogEntry> {
+        self.held = self.next();
+        self.held.take_if(|entry| entry.at < until)
+    }
+
+    /// The host was away until `at`, and opens the conversation anew: what the stage said meanwhile nobody heard, and all that
+    /// the host has to know of the stage is asked for again.
+    pub fn resume(&mut self, at: RigNs) {
+        if at <= self.now {
+            return;
+        }
+        self.held = None;
+        self.inbox.chunks.clear();
+        self.emulator.advance(at, &mut Vec::new());
+        self.now = at;
+        self.attempt = 0;
+        self.poll = opened(self.settings.poll, at);
     }
 }
 
@@ -127,6 +150,9 @@ impl Iterator for Conversation {
     type Item = LogEntry;
 
     fn next(&mut self) -> Option<LogEntry> {
+        if let Some(held) = self.held.take() {
+            return Some(held);
+        }
         while self.now < self.settings.until {
             match self.poll.turn(self.now) {
                 Turn::Write(bytes) => {
