@@ -164,6 +164,10 @@ fn combinations_that_make_no_sense_are_refused_with_those_that_do() {
     refuse("kinect-points", "pts", "csv, ply or pcd");
     refuse("kinect-depth", "ply", "png or csv");
     refuse("kinect-depth", "png", "no depth frames");
+    refuse("state", "ply", "tum or csv");
+    refuse("model", "png", "csv, ply or pcd");
+    refuse("fused", "tum", "csv, ply or pcd");
+    refuse("model", "ply", "no frame of the session shows a tracked target");
 }
 
 #[test]

@@ -17,6 +17,7 @@ mod experiment_cli;
 mod export_cli;
 mod export_losses;
 mod export_outputs;
+mod export_session;
 mod faults;
 mod foreign_kinect;
 mod foreign_lidar;

@@ -65,7 +65,7 @@ impl Lab {
     /// A command on files, which has to end well; its report.
     fn report(&self, arguments: &[&str]) -> Value {
         let done: Done = self.usb.bench.run(&[arguments, &["--json"]].concat());
-        assert_eq!(done.code, 0, "{arguments:?}: {}", done.stderr);
+        assert_eq!(done.code, 0, "{arguments:?}: {}{}", done.stdout, done.stderr);
         serde_json::from_str(&done.stdout).unwrap_or_else(|error| panic!("{error} in {}", done.stdout))
     }
 }

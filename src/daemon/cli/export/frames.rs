@@ -20,6 +20,11 @@ impl FrameRange {
         (self.start..self.end).contains(&n)
     }
 
+    /// Whether every frame is wanted.
+    pub fn is_all(&self) -> bool {
+        (self.start, self.end) == (0, u64::MAX)
+    }
+
     /// Whether all frames from `n` on are unwanted.
     pub fn is_behind(&self, n: u64) -> bool {
         n >= self.end

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   inputs ─▶ events ─┬─▶ lidar:  packets → points ─▶ PointFile (pts, csv, ply, pcd)
-//!                     └─▶ kinect: frames → depth or points ─▶ one file a frame (png, csv, ply, pcd), times.txt
+//!                     ├─▶ kinect: frames → depth or points ─▶ one file a frame (png, csv, ply, pcd), times.txt
+//!                     └─▶ session: through the core → states (tum, csv), the target's points (csv, ply, pcd)
 //! ```
 
 mod frames;
@@ -10,6 +11,7 @@ mod kinect;
 mod lidar;
 mod outfile;
 mod protected;
+mod session;
 mod table;
 mod turns;
 
@@ -29,7 +31,8 @@ use protected::Protected;
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:\n  tumbled export drive.pcap --what lidar-points --format ply -o cloud.ply\n  \
     tumbled export drive.pcap --what lidar-points --format csv -o first-turn.csv --frames 0..1\n  \
-    tumbled export dump/ --what kinect-depth --format png -o depth/\n\n\
+    tumbled export dump/ --what kinect-depth --format png -o depth/\n  \
+    tumbled export run.mcap --what state --format tum -o poses.tum\n\n\
     Exit code 3: everything there is was exported, but data of the sensor are missing: part of an input could not be \
     read or decoded, or packets were lost before the capture, by the sensor's own stamps. The warnings say what and how \
     much.")]
@@ -46,9 +49,10 @@ pub struct Args {
     #[arg(short = 'o', long = "output", value_name = "PATH")]
     output: PathBuf,
     /// Kinect: frames A to B-1 of the inputs, counted from 0. LiDAR: turns of the head, counted from the first packet.
+    /// State: epochs.
     #[arg(long, value_name = "A..B", default_value = "..")]
     frames: FrameRange,
-    /// The sensor, where the config has several of the kind.
+    /// The sensor, where the config has several of the kind; of states, those by its epochs.
     #[arg(long, value_name = "ID")]
     sensor: Option<String>,
     /// Report on stdout as JSON.
@@ -66,6 +70,12 @@ enum What {
     KinectPoints,
     /// Depth images, millimetres.
     KinectDepth,
+    /// The target's points by all sensors, in its frame, as they were fused.
+    Fused,
+    /// The target's state after every epoch: pose target to rig.
+    State,
+    /// The target's points laid on the planes that were found, in its frame.
+    Model,
 }
 
 /// File formats.
@@ -82,6 +92,8 @@ enum Format {
     Pcd,
     /// 16-bit grey PNG, millimetres, 0 = no data.
     Png,
+    /// A line for each pose: Unix time in seconds, x y z, quaternion x y z w (states).
+    Tum,
 }
 
 impl Format {
@@ -92,6 +104,7 @@ impl Format {
             Self::Ply => "ply",
             Self::Pcd => "pcd",
             Self::Png => "png",
+            Self::Tum => "tum",
         }
     }
 }
@@ -101,16 +114,16 @@ impl Format {
 pub struct Report {
     what: What,
     format: Format,
-    /// The sensor exported.
+    /// The sensor exported; `target`: what all of them gave.
     sensor: String,
     /// The files, in order of the frames; what of a name is no UTF-8 is replaced by U+FFFD.
     files: Vec<String>,
-    /// LiDAR: data packets. Kinect: depth frames.
+    /// LiDAR: data packets. Kinect: depth frames. State: epochs. Fused and model: frames and crossings it is made of.
     records: u64,
-    /// Points, or pixels with a depth.
+    /// Points, or pixels with a depth; states that were written.
     points: u64,
     /// LiDAR: packets that the stamps say were sent and that the inputs do not hold. Kinect: USB packets missing in the
-    /// frames.
+    /// frames. Of a session it is not counted here: `tumbled info` and `tumbled replay --json` tell it.
     lost: u64,
     /// LiDAR: payloads on the sensor's ports that gave no points. Kinect: frames that could not be decoded.
     not_decoded: u64,
@@ -132,7 +145,12 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     protected.allow(&args.output, &protected::resolve(&args.output).unwrap_or_else(|_| args.output.clone()))?;
     // Asked now: writing may give the name to another file.
     let on_stdout = is_stdout(&args.output);
-    let mut inputs = Inputs::open(&args.input, &loaded.config)?;
+    let of_session = matches!(args.what, What::Fused | What::State | What::Model);
+    let mut inputs = if of_session {
+        Inputs::open_ledger(&args.input.inputs, &loaded.config, 0)?
+    } else {
+        Inputs::open(&args.input, &loaded.config)?
+    };
     let mut report = match (args.what, args.format) {
         (What::LidarPoints, Format::Pts | Format::Csv | Format::Ply | Format::Pcd) => {
             lidar::export(args, &loaded.config, &protected, &mut inputs)?
@@ -141,10 +159,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         | (What::KinectDepth, Format::Png | Format::Csv) => {
             kinect::export(args, &loaded.config, &protected, &mut inputs)?
         }
+        (What::State, Format::Tum | Format::Csv)
+        | (What::Fused | What::Model, Format::Csv | Format::Ply | Format::Pcd) => {
+            session::export(args, &loaded, &protected, &mut inputs)?
+        }
         (what, format) => return Err(no_such_combination(what, format)),
     };
     report.warnings.extend(inputs.warnings());
-    report.complete = !inputs.data_lost() && report.lost == 0 && report.not_decoded == 0;
+    let whole = !of_session || report.complete;
+    report.complete = whole && !inputs.data_lost() && report.lost == 0 && report.not_decoded == 0;
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     match (args.json, on_stdout) {
         (true, false) => output::json(&report)?,
@@ -186,6 +209,8 @@ fn no_such_combination(what: What, format: Format) -> Failure {
         What::LidarPoints => "pts, csv, ply or pcd",
         What::KinectPoints => "csv, ply or pcd",
         What::KinectDepth => "png or csv",
+        What::Fused | What::Model => "csv, ply or pcd",
+        What::State => "tum or csv",
     };
     let name = |value: &dyn Fn() -> Option<clap::builder::PossibleValue>| {
         value().map(|value| value.get_name().to_owned()).unwrap_or_default()
@@ -199,6 +224,8 @@ fn summary(report: &Report) -> String {
         What::LidarPoints => ("packets", "points"),
         What::KinectPoints => ("frames", "points"),
         What::KinectDepth => ("frames", "pixels with a depth"),
+        What::Fused | What::Model => ("frames and crossings", "points"),
+        What::State => ("epochs", "states"),
     };
     let files = match report.files.as_slice() {
         [] => "nothing".to_owned(),
