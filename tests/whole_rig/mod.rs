@@ -1,6 +1,7 @@
 //! The whole rig at once: a VLP-32C over UDP, a Kinect on the USB (the real libfreenect over the stand-in for libusb) and a stage
 //! on a pseudo terminal, each fed by another process, for as long as it takes. Run by `.ci/long rig`.
 
+mod clients;
 mod feeder;
 mod prepared;
 mod procedure;
