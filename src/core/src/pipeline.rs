@@ -202,6 +202,11 @@ impl Pipeline {
         self.estimator.tracker()
     }
 
+    /// The same with the target's number in the session.
+    pub fn model(&self) -> Option<(u32, &Tracker)> {
+        Some((self.targets(), self.tracker()?))
+    }
+
     /// What the estimation believes of the sensors for a target at `center`, rig frame, m: in the order of the kept frames'
     /// sensor numbers.
     pub fn sensor_priors(&self, center: &Vector3<f64>) -> Vec<SensorPrior> {

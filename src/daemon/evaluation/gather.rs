@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use tumbled_core::TurntableSample;
 use tumbled_core::estimate::{Mode, StateReason, TargetState, Validity};
 use tumbled_core::evaluate::EstimateSample;
-use tumbled_model::{RigNs, Span, UnixNs};
+use tumbled_model::{RigNs, UnixNs};
 
 use crate::cli::Failure;
 use crate::session::Step;
@@ -101,7 +101,7 @@ impl Gathered {
 impl Listener for Gathered {
     fn step(&mut self, step: &Step<'_>) -> Result<(), Failure> {
         for state in &step.outputs.states {
-            let unix = step.wall.unix(state.t).unwrap_or(self.unix_at_zero + Span(state.t.0));
+            let unix = step.wall.unix_or_from(state.t, self.unix_at_zero);
             self.state(state, unix);
         }
         let room = ANGLES - self.turntable.len();

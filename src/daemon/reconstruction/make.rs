@@ -68,7 +68,7 @@ pub fn make(frames: &[KeptFrame], engine: &Engine, settings: &ReconSettings) -> 
         Some(tracker) => fitted(&of_it, tracker),
         None => Vec::new(),
     };
-    let motion = smooth(&fitted, &engine.sensor_priors(&middle(&of_it)));
+    let motion = smooth(&fitted, &engine.sensor_priors(&middle(of_it.iter().map(|kept| &kept.t_rig_target))));
     let place = |number: usize| motion.as_ref().and_then(|motion| motion.placed.get(number));
     let mut registered = Vec::with_capacity(of_it.len());
     let mut laid = Vec::with_capacity(of_it.len());
@@ -102,10 +102,10 @@ fn fitted(frames: &[&KeptFrame], tracker: &Tracker) -> Vec<FittedPose> {
     frames.iter().map(lay).collect()
 }
 
-/// Where the target was on the whole, rig frame, m.
-fn middle(frames: &[&KeptFrame]) -> Vector3<f64> {
-    let sum: Vector3<f64> = frames.iter().map(|kept| kept.t_rig_target.translation.vector).sum();
-    sum / frames.len().max(1) as f64
+/// Where the target was on the whole, by its poses: rig frame, m.
+pub(super) fn middle<'a>(poses: impl ExactSizeIterator<Item = &'a Isometry3<f64>>) -> Vector3<f64> {
+    let count = poses.len().max(1) as f64;
+    poses.map(|pose| pose.translation.vector).sum::<Vector3<f64>>() / count
 }
 
 impl Made {

@@ -1,13 +1,13 @@
 //! What a model is like, for machines and for people.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tumbled_core::recon::{Edge, EdgeKind, FoundPlane};
 use tumbled_core::register::SensorKind;
 use tumbled_core::smooth::Smoothed;
 
-use super::make::{Made, Thickness};
+use super::make::{Made, Thickness, middle};
 use crate::stream::StreamOrigin;
 
 /// What `tumbled reconstruct` made.
@@ -82,9 +82,10 @@ pub struct SpinReport {
 }
 
 impl SpinReport {
-    /// Of a motion of a target about where `place` is, rig frame.
-    pub fn new(motion: &Smoothed, place: &Point3<f64>) -> Self {
+    /// Of a motion; what is displaced is told where the target was on the whole.
+    pub fn new(motion: &Smoothed) -> Self {
         let spin = &motion.spin;
+        let place = Point3::from(middle(motion.t_rig_target.iter()));
         let displaced = |of: &dyn Fn(&Isometry3<f64>) -> f64| motion.displacements.iter().map(of).collect();
         Self {
             axis: spin.rate_rps.try_normalize(f64::MIN_POSITIVE).unwrap_or_default().into(),
@@ -209,12 +210,6 @@ impl EdgeLine {
     }
 }
 
-/// Where the target was on the whole, rig frame, m.
-fn middle(motion: &Smoothed) -> Point3<f64> {
-    let sum: Vector3<f64> = motion.t_rig_target.iter().map(|pose| pose.translation.vector).sum();
-    (sum / motion.t_rig_target.len().max(1) as f64).into()
-}
-
 /// Counts and thicknesses of a model; what of the session it does not know is left empty.
 pub fn of_model(made: &Made) -> ReconstructReport {
     let frames = |kind| made.frames.iter().filter(|frame| frame.kind == kind).count() as u64;
@@ -237,7 +232,7 @@ pub fn of_model(made: &Made) -> ReconstructReport {
         occlusions: edges(EdgeKind::Occlusion),
         kinect: made.thickness(SensorKind::Kinect),
         lidar: made.thickness(SensorKind::Lidar),
-        spin: made.motion.as_ref().map(|motion| SpinReport::new(motion, &middle(motion))),
+        spin: made.motion.as_ref().map(SpinReport::new),
         files: Vec::new(),
         complete: false,
         warnings: Vec::new(),

@@ -39,7 +39,7 @@ impl Step<'_> {
 
     /// The model of the target after the newest epoch, with the target's number in the session; `None`: there is none.
     pub fn model(&self) -> Option<(u32, &Tracker)> {
-        Some((self.pipeline.targets(), self.pipeline.tracker()?))
+        self.pipeline.model()
     }
 
     /// The target's points whose motion is to be told.
@@ -132,7 +132,7 @@ impl Engine {
 
     /// The same with the target's number in the session.
     pub fn model(&self) -> Option<(u32, &Tracker)> {
-        Some((self.pipeline.targets(), self.tracker()?))
+        self.pipeline.model()
     }
 
     /// What the estimation believes of the sensors for a target at a place, rig frame, m.

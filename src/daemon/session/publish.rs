@@ -77,7 +77,7 @@ impl Publish {
 
     /// The wall time of an instant: by the newest anchor at or before it.
     pub fn unix(&self, t: RigNs, wall: &WallClock) -> UnixNs {
-        wall.unix(t).unwrap_or(self.unix_at_zero + Span(t.0))
+        wall.unix_or_from(t, self.unix_at_zero)
     }
 
     /// Tells what one step brought. `shell` is asked only when health is told.

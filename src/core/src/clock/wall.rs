@@ -77,6 +77,11 @@ impl WallClock {
         Some(UnixNs(t.0.saturating_add(anchor.offset())))
     }
 
+    /// The same; without anchors by the wall time at the session's start.
+    pub fn unix_or_from(&self, t: RigNs, unix_at_zero: UnixNs) -> UnixNs {
+        self.unix(t).unwrap_or(unix_at_zero + Span(t.0))
+    }
+
     /// How often the wall clock was set, by the anchors up to `t`.
     pub fn steps_until(&self, t: RigNs) -> u64 {
         self.until(t).map_or(0, |anchor| anchor.steps)

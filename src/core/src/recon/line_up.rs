@@ -17,42 +17,41 @@ pub(super) fn lined_up(sides: &mut [&mut Side], cell_m: f64) {
     let mut free: Vec<usize> = (0..sides.len()).collect();
     while let Some(first) = (!free.is_empty()).then(|| free.remove(0)) {
         let mut group = vec![first];
+        let Some(mut line) = Line::of(sides, &group, cell_m) else { continue };
         free.retain(|number| {
-            let joins = joins(sides, &group, *number, cell_m);
-            if joins {
-                group.push(*number);
-            }
-            !joins
+            let Some(longer) = joined(sides, &group, &line, *number, cell_m) else { return true };
+            group.push(*number);
+            line = longer;
+            false
         });
-        if group.len() > 1
-            && let Some(line) = Line::of(sides, &group, cell_m)
-        {
-            for number in group {
-                let Some(side) = sides.get_mut(number) else { continue };
-                (side.from, side.to) = (line.foot(&side.from), line.foot(&side.to));
-                side.direction_sigma_rad = line.direction_sigma_rad;
-            }
+        if group.len() < 2 {
+            continue;
+        }
+        for number in group {
+            let Some(side) = sides.get_mut(number) else { continue };
+            (side.from, side.to) = (line.foot(&side.from), line.foot(&side.to));
+            side.direction_sigma_rad = line.direction_sigma_rad;
         }
     }
 }
 
-/// Whether a side is of the line of a group.
-fn joins(sides: &[&mut Side], group: &[usize], number: usize, cell_m: f64) -> bool {
-    let (Some(side), Some(line)) = (sides.get(number), Line::of(sides, group, cell_m)) else { return false };
+/// The line of a group and one side more; `None`: the side is not of the group's line.
+fn joined(sides: &[&mut Side], group: &[usize], line: &Line, number: usize, cell_m: f64) -> Option<Line> {
+    let side = sides.get(number)?;
     let way = side.direction();
     let sine = way.x * line.along.y - way.y * line.along.x;
     // Outlines go anticlockwise: sides that face each other go opposite ways.
     if sine.abs() > PARALLEL_SINE || way.dot(&line.along) < 0.0 {
-        return false;
+        return None;
     }
     if [side.from, side.to].iter().any(|end| (end - line.foot(end)).norm() > OFF_CELLS * cell_m) {
-        return false;
+        return None;
     }
     let all: Vec<usize> = group.iter().copied().chain([number]).collect();
     let alone = all.iter().filter_map(|number| sides.get(*number));
     let (squares, count) = alone
         .fold((0.0, 0.0), |(sum, count), side| (sum + side.sigma_m * side.sigma_m * side.count, count + side.count));
-    Line::of(sides, &all, cell_m).is_some_and(|line| line.sigma_m * line.sigma_m * count <= SCATTER * SCATTER * squares)
+    Line::of(sides, &all, cell_m).filter(|line| line.sigma_m * line.sigma_m * count <= SCATTER * SCATTER * squares)
 }
 
 /// A line through several sides' points.

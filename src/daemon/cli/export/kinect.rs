@@ -48,7 +48,7 @@ pub(super) fn export(
         points: 0,
         lost: 0,
         not_decoded: 0,
-        complete: false, // judged with the inputs, by the caller
+        complete: true, // the rest is judged with the inputs, by the caller
         warnings: Vec::new(),
     };
     // Without times of their own the frames would get made-up ones.

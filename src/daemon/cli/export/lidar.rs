@@ -92,7 +92,7 @@ pub(super) fn export(
         // A silence may count as loss until the field of view is known; of all packets together that is then corrected.
         lost: if whole { lost_of_all } else { lost.min(lost_of_all) },
         not_decoded: decoder.counts().refused(),
-        complete: false, // judged with the inputs, by the caller
+        complete: true, // the rest is judged with the inputs, by the caller
         warnings: warnings(&decoder),
         files: names(&[sink.finish()?]),
     })

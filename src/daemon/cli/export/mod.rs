@@ -166,8 +166,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         (what, format) => return Err(no_such_combination(what, format)),
     };
     report.warnings.extend(inputs.warnings());
-    let whole = !of_session || report.complete;
-    report.complete = whole && !inputs.data_lost() && report.lost == 0 && report.not_decoded == 0;
+    report.complete &= !inputs.data_lost() && report.lost == 0 && report.not_decoded == 0;
     report.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     match (args.json, on_stdout) {
         (true, false) => output::json(&report)?,

@@ -6,7 +6,7 @@ use std::time::Duration;
 use indicatif::ProgressBar;
 use tumbled_core::estimate::TargetState;
 use tumbled_core::recon::{FusedPoint, ReconSettings};
-use tumbled_model::{Span, UnixNs};
+use tumbled_model::UnixNs;
 
 use super::outfile::OutFile;
 use super::protected::Protected;
@@ -77,7 +77,7 @@ impl Listener for States<'_> {
             if !is_wanted || !self.args.frames.contains(number) {
                 continue;
             }
-            let unix = step.wall.unix(state.t).unwrap_or(self.unix_at_zero + Span(state.t.0));
+            let unix = step.wall.unix_or_from(state.t, self.unix_at_zero);
             let line = if self.args.format == Format::Tum { tum(state, unix) } else { Some(csv(state, unix)) };
             let Some(line) = line else { continue };
             self.written += 1;
