@@ -26,7 +26,7 @@ shape = "box_bus"
 [motion]
 kind = "poses"
 rest_s = 1.7
-move_s = 1.2
+move_s = 2.4
 poses = [{ at_m = [2.2, 3.5, 0.0] }, { at_m = [2.2, 0.0, 0.0] }]
 [room]
 floor_m = [2.0, 0.0, -1.2]
@@ -50,7 +50,7 @@ clock = { offset_ns = 31_000_000_000, skew_ppm = -25.0 }
 fn what_stands_in_an_empty_room_is_no_target_once_it_is_learned() {
     let bench = Workbench::new();
     bench.file("room.toml", ROOM);
-    let done = bench.run(&["simulate", "room.toml", "-o", "sim", "--duration", "4300ms"]);
+    let done = bench.run(&["simulate", "room.toml", "-o", "sim", "--duration", "6400ms"]);
     assert_eq!(done.code, 0, "{}", done.stderr);
     let replay = ["replay", "sim/capture.mcap", "--config", "sim/rig.toml", "-o", "-"];
     // Unlearned, whoever stands there is the target.

@@ -2,6 +2,7 @@
 
 mod architecture;
 mod background;
+mod beside_target;
 mod calibrate_cli;
 mod calibrate_depth_figures;
 mod calibrate_figures;
@@ -22,6 +23,7 @@ mod faults;
 mod foreign_kinect;
 mod foreign_lidar;
 mod foreign_registration;
+mod foreign_scenes;
 #[cfg(feature = "foxglove")]
 mod foxglove;
 mod golden;

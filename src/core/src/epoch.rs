@@ -117,6 +117,12 @@ impl RigCloud {
         self.x.is_empty()
     }
 
+    /// Where a point is, m.
+    pub fn place(&self, number: u32) -> Option<[f32; 3]> {
+        let number = number as usize;
+        Some([*self.x.get(number)?, *self.y.get(number)?, *self.z.get(number)?])
+    }
+
     /// How many points lie in the region of interest.
     pub fn points_in_roi(&self) -> usize {
         self.in_roi.iter().filter(|inside| **inside).count()

@@ -106,6 +106,11 @@ impl Acquiring {
         &self.tracker
     }
 
+    /// The model, to be asked.
+    pub(super) fn tracker_mut(&mut self) -> &mut Tracker {
+        &mut self.tracker
+    }
+
     /// The model, which tracking goes on with.
     pub(super) fn into_tracker(self) -> Tracker {
         self.tracker

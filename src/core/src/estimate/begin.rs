@@ -1,8 +1,8 @@
 //! How a filter is begun.
 
+use super::manoeuvre;
 use super::sensors::PointSensor;
 use super::settings::EstimateSettings;
-use super::tracking::{DISTURBED, UNNOTICED_S};
 use crate::ukf::{Filter, FilterMethod, FilterOptions, Motion, PoseMeasurement};
 
 /// Shares of the poses' information with which a filter is begun, until it can be.
@@ -40,7 +40,7 @@ pub(super) fn filter(
         let is_unsteady = *share < 1.0 || counts.rejected * UNSTEADY_START > counts.full + counts.soft;
         if let Some(newest) = window.last().filter(|_| is_unsteady) {
             // The steady motion of most of them passes by where the target is now: measured 1.7° and 17 mm.
-            filter.disturb(DISTURBED.0, DISTURBED.1, UNNOTICED_S);
+            filter.disturb(&manoeuvre::MOST);
             filter.update(newest);
         }
         Some(filter)

@@ -4,6 +4,8 @@ use super::acquire::{Acquiring, Step};
 use super::age::Age;
 use super::axis::AxisTest;
 use super::begin;
+use super::company::{Company, Seen};
+use super::manoeuvre::Refusals;
 use super::mounting::MountingCheck;
 use super::orders::{self, Orders, Told};
 use super::predictor::{Predictor, Tracked};
@@ -52,6 +54,7 @@ pub(crate) struct Estimator {
     sensors: Vec<PointSensor>,
     segmenter: Segmenter,
     segment: Segment,
+    company: Company,
     orders: Orders,
     /// Until when the empty room is learned.
     learning: Option<RigNs>,
@@ -93,6 +96,7 @@ impl Estimator {
                 TargetSearch::Everything => Search::Everything,
             }),
             segment: Segment::default(),
+            company: Company::default(),
             orders: Orders::default(),
             learning: None,
             kept: None,
@@ -164,6 +168,7 @@ impl Estimator {
         let (expected, motion) = self.expectation(epoch.t);
         let mut segment = core::mem::take(&mut self.segment);
         self.segmenter.segment(epoch, expected.as_ref(), &mut segment);
+        self.part_company(number, epoch, &mut segment, told);
         let is_kinect = self.sensors.get(number).is_some_and(|sensor| sensor.is_kinect);
         let mut state = blank(epoch, is_kinect);
         state.inputs.points = segment.indices.len() as u32;
@@ -223,6 +228,27 @@ impl Estimator {
         }
     }
 
+    /// Leaves out of a segment what is not known to move with the target. At first sight, and when it is looked for again, the
+    /// target is all that lies together.
+    fn part_company(&mut self, number: usize, epoch: &Epoch, segment: &mut Segment, told: &mut Vec<Told>) {
+        let target = match &mut self.stage {
+            Stage::Empty | Stage::Lost(_) => return,
+            Stage::Acquiring(acquiring) => {
+                let t_rig_target = acquiring.expected(epoch.t);
+                Seen { t_rig_target, tracker: acquiring.tracker_mut(), is_sure: false }
+            }
+            Stage::Tracking(tracking) => Seen {
+                t_rig_target: tracking.filter.predict(epoch.t).t_rig_target,
+                is_sure: tracking.is_sure && epoch.t - tracking.began >= SETTLING,
+                tracker: &mut tracking.tracker,
+            },
+        };
+        let standing = self.company.part(number, epoch, segment, &mut self.segmenter, target);
+        if standing > 0 {
+            told.push(orders::stands(&epoch.sensor, standing));
+        }
+    }
+
     /// Where the target should be seen, and how it should move.
     fn expectation(&self, t: RigNs) -> (Option<Expectation>, RigMotion) {
         let (pose, motion, tracker) = match &self.stage {
@@ -262,6 +288,7 @@ impl Estimator {
         state.mode = Mode::Acquiring;
         state.reasons.push(StateReason::Settling);
         self.targets += 1;
+        self.company.forget();
         Stage::Acquiring(Box::new(Acquiring::begin(frame)))
     }
 
@@ -294,9 +321,11 @@ impl Estimator {
                             axes: self.sensors.iter().map(|sensor| AxisTest::new(sensor.is_kinect)).collect(),
                             mounting: self.mounting_check(acquired_m),
                             tumbles: self.settings.motion == TargetMotionKind::Tumble,
-                            refused: 0,
-                            unsteady_until: t,
+                            refused: Refusals::default(),
+                            unsteady: None,
                             most_points: vec![0; self.sensors.len()],
+                            accepted: vec![None; self.sensors.len()],
+                            is_sure: false,
                         };
                         self.note_measured(frame);
                         state.motion = Some(tracking.filter.estimate().into());

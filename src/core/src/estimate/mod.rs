@@ -7,8 +7,8 @@
 //! ```
 //!
 //! * [`settings`]: what has to be known; [`state`]: what comes out;
-//! * `sensors`: each sensor's part; `acquire`: from nothing to a motion; `reacquire`: found again; `axis`: whether it stays;
-//!   `begin`: how a filter is begun; `tracking`: a frame to the model and to the filter; `age`: for how long a state is good;
+//! * `sensors`: each sensor's part; `company`: what stands beside the target; `acquire`: from nothing to a motion; `reacquire`: found again; `axis`: whether it stays;
+//!   `begin`: how a filter is begun; `manoeuvre`: a motion that has changed; `tracking`: a frame to the model and to the filter; `age`: for how long a state is good;
 //!   `orders`: an operator's; `estimator`: the whole;
 //! * `predictor`: the target between epochs; `points`: the motion of its points;
 //! * `mounting`: whether the sensors are mounted as the config says; `report`: what the estimation says of itself;
@@ -18,7 +18,9 @@ mod acquire;
 mod age;
 mod axis;
 mod begin;
+mod company;
 mod estimator;
+mod manoeuvre;
 mod mounting;
 mod orders;
 mod points;

@@ -38,6 +38,15 @@ pub(super) fn begun(lasts: Span) -> Told {
     (NoticeKind::Background, Gravity::Info, message)
 }
 
+/// That something beside the target was seen to stand still.
+pub(super) fn stands(sensor: &SensorId, points: usize) -> Told {
+    let message = format!(
+        "{sensor}: something of {points} points beside the target stands still while the target moves: no sensor looks there \
+         any more (`tumbled ctl forget-background` undoes it)"
+    );
+    (NoticeKind::Background, Gravity::Info, message)
+}
+
 /// What was learned, of these sensors of a rig.
 pub(super) fn learned<'a>(
     report: &BTreeMap<SensorId, Learned>,

@@ -2,7 +2,7 @@
 
 use crate::neighbours::KdTree;
 use crate::register::SensorKind;
-use crate::track::{BeamBiases, Growing, Observed, TrackFrame};
+use crate::track::{BeamBiases, CAMERA_SLOPE_RAD, Growing, LIDAR_SLOPE_RAD, Observed, TrackFrame};
 use nalgebra::{Isometry3, Point3, Vector3};
 use tumbled_model::RigNs;
 
@@ -135,8 +135,9 @@ pub fn fuse(frames: &[RegisteredFrame]) -> Fused {
     let mut model = Growing::default();
     let cameras = frames.iter().filter(|frame| frame.kind == SensorKind::Kinect);
     let lidars = frames.iter().filter(|frame| frame.kind == SensorKind::Lidar);
+    let slope_rad = if cameras.clone().next().is_some() { CAMERA_SLOPE_RAD } else { LIDAR_SLOPE_RAD };
     for frame in cameras.chain(lidars) {
-        model.insert(frame.observed(), frame.noisiest_m(), frame.t);
+        model.insert(frame.observed(), frame.noisiest_m(), slope_rad, frame.t);
     }
     let mut seen = vec![Seen { least_cosine: 1.0, ..Seen::default() }; model.surfels.len()];
     let mut part_of = Vec::with_capacity(frames.len());

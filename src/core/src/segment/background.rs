@@ -40,7 +40,7 @@ impl Learning {
     pub(super) fn observe(&mut self, epoch: &Epoch, candidates: &[u32]) {
         self.epochs = self.epochs.saturating_add(1);
         for number in candidates {
-            let Some(place) = super::place(&epoch.rig, *number) else { continue };
+            let Some(place) = epoch.rig.place(*number) else { continue };
             let key = self.voxels.key(place);
             if self.voxels.len() == MOST_VOXELS && self.voxels.find(key).is_none() {
                 self.full = true;
@@ -62,11 +62,7 @@ impl Learning {
         let mut voxels = 0;
         for (key, _) in self.voxels.keys().iter().zip(&self.seen).filter(|(_, (count, _))| *count >= LEAST_EPOCHS) {
             voxels += 1;
-            near.number(*key);
-            for offset in half_around() {
-                near.number(key.wrapping_add_signed(offset));
-                near.number(key.wrapping_add_signed(-offset));
-            }
+            with_neighbours(&mut near, *key);
         }
         (Background { near }, Learned { epochs: self.epochs, voxels, is_cut: self.full })
     }
@@ -80,13 +76,41 @@ pub(super) struct Background {
 }
 
 impl Background {
+    /// An empty room.
+    pub(super) fn nothing() -> Self {
+        Self { near: Voxels::new(EDGE_M) }
+    }
+
+    /// Takes the voxels of some places and those around them. Returns whether they could be kept.
+    pub(super) fn add(&mut self, places: impl Iterator<Item = [f32; 3]>) -> bool {
+        for place in places {
+            if self.near.len() >= MOST_VOXELS {
+                return false;
+            }
+            let key = self.near.key(place);
+            with_neighbours(&mut self.near, key);
+        }
+        true
+    }
+
     /// Leaves out of `candidates` the points in voxels of the room and next to them. Returns how many.
     pub(super) fn remove(&self, epoch: &Epoch, candidates: &mut Vec<u32>) -> u32 {
+        if self.near.len() == 0 {
+            return 0;
+        }
         let before = candidates.len();
         candidates.retain(|number| {
-            super::place(&epoch.rig, *number).is_some_and(|place| self.near.find(self.near.key(place)).is_none())
+            epoch.rig.place(*number).is_some_and(|place| self.near.find(self.near.key(place)).is_none())
         });
         (before - candidates.len()) as u32
+    }
+}
+
+fn with_neighbours(near: &mut Voxels, key: u64) {
+    near.number(key);
+    for offset in half_around() {
+        near.number(key.wrapping_add_signed(offset));
+        near.number(key.wrapping_add_signed(-offset));
     }
 }
 

@@ -11,7 +11,8 @@
 //! * `clusters`, `spacing`: what hangs together, by the distance between a LiDAR's rings;
 //! * `target`: which of it is the target, and whether something else could be taken for it.
 //!
-//! The same epoch gives the same points on every machine; nothing is remembered from epoch to epoch but the learned rooms.
+//! The same epoch gives the same points on every machine; nothing is remembered from epoch to epoch but the learned rooms, and
+//! what was found to stand beside the target ([`Segmenter::stands`]).
 
 mod background;
 mod clusters;
@@ -28,7 +29,7 @@ mod voxels;
 pub use background::Learned;
 
 use crate::config::RegionOfInterest;
-use crate::epoch::{Epoch, RigCloud, Scan};
+use crate::epoch::{Epoch, Scan};
 use background::{Background, Learning};
 use clusters::Clusters;
 use flying::FlyingPixels;
@@ -73,8 +74,36 @@ pub struct Segment {
     pub indices: Vec<u32>,
     /// Whether something else could be taken for the target, or touches it.
     pub ambiguous: bool,
+    /// What lies next to the target's largest piece, and touches it nowhere.
+    pub beside: Vec<Beside>,
     /// Where the other points went.
     pub counts: SegmentCounts,
+}
+
+/// A thing next to the target's largest piece that touches it nowhere: a panel whose yoke is not seen, or a stand.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Beside {
+    /// Its points: numbers of the epoch's points, ascending.
+    pub indices: Vec<u32>,
+    /// Whether they are among the target's: all of it is where the target is expected.
+    pub is_taken: bool,
+    /// Whether it is as near to the target as a panel is behind its yoke.
+    pub is_near: bool,
+}
+
+impl Segment {
+    /// Leaves the points of some of the things beside the target out of it; they are told by whether to leave each out.
+    pub fn without(&mut self, mut is_left_out: impl FnMut(usize) -> bool) {
+        for number in 0..self.beside.len() {
+            let Some(beside) = self.beside.get(number).filter(|beside| beside.is_taken && is_left_out(number)) else {
+                continue;
+            };
+            let before = self.indices.len();
+            self.indices.retain(|index| beside.indices.binary_search(index).is_err());
+            let left = (before - self.indices.len()) as u32;
+            (self.counts.others, self.counts.target) = (self.counts.others + left, self.counts.target - left);
+        }
+    }
 }
 
 /// Where an epoch's points went. Every point that was looked at is in one of the others.
@@ -114,6 +143,8 @@ pub struct Segmenter {
     search: Search,
     learning: BTreeMap<SensorId, Learning>,
     rooms: BTreeMap<SensorId, Background>,
+    /// What was seen to stand still beside a target that turned: alike for all sensors.
+    standing: Background,
     flying: FlyingPixels,
     planes: PlaneFinder,
     clusters: Clusters,
@@ -126,6 +157,7 @@ impl Segmenter {
             search,
             learning: BTreeMap::new(),
             rooms: BTreeMap::new(),
+            standing: Background::nothing(),
             flying: FlyingPixels::new(),
             planes: PlaneFinder::new(),
             clusters: Clusters::new(),
@@ -157,13 +189,20 @@ impl Segmenter {
 
     /// Takes over what another one learned.
     pub fn take_over(&mut self, other: Self) {
-        self.rooms = other.rooms;
+        (self.rooms, self.standing) = (other.rooms, other.standing);
     }
 
-    /// Forgets every room, and what was being learned.
+    /// Takes places of a thing that stands still, rig frame, m: no sensor's points there are the target's from now on.
+    /// Returns whether it could be kept.
+    pub fn stands(&mut self, places: impl Iterator<Item = [f32; 3]>) -> bool {
+        self.standing.add(places)
+    }
+
+    /// Forgets every room, what stands beside the target, and what was being learned.
     pub fn forget(&mut self) {
         self.learning.clear();
         self.rooms.clear();
+        self.standing = Background::nothing();
     }
 
     /// Fills `segment` with the target's points of an epoch. With an expectation: where the target is tracked; without:
@@ -182,11 +221,12 @@ impl Segmenter {
         if let Some(room) = self.rooms.get(&epoch.sensor) {
             counts.background = room.remove(epoch, candidates);
         }
+        counts.background += self.standing.remove(epoch, candidates);
         if let Some(large) = self.large(around) {
             counts.planes = self.without_planes(epoch, candidates, edge, large);
         }
         let points = candidates.iter().map(|number| {
-            let place = place(&epoch.rig, *number).unwrap_or_default();
+            let place = epoch.rig.place(*number).unwrap_or_default();
             (place, range(&epoch.scan, *number).unwrap_or_default())
         });
         self.clusters.find(points, edge);
@@ -195,11 +235,20 @@ impl Segmenter {
             None => target::first_sight(&self.clusters, &self.search, least),
         };
         let before = candidates.len();
+        segment.beside.clear();
+        for cluster in &choice.beside {
+            let is_taken = choice.is_target.get(*cluster).copied().unwrap_or_default();
+            let points = candidates.iter().zip(self.clusters.of_points()).filter(|(_, of)| of == cluster);
+            let list = self.clusters.list();
+            let pair = choice.first.and_then(|first| Some((list.get(first)?, list.get(*cluster)?)));
+            let is_near = pair.is_some_and(|(first, other)| first.gap_m(other) < target::BESIDE_M);
+            segment.beside.push(Beside { indices: points.map(|(number, _)| *number).collect(), is_taken, is_near });
+        }
         let mut clusters = self.clusters.of_points();
         candidates.retain(|number| {
             let cluster = clusters.next();
             let is_target = cluster.and_then(|cluster| choice.is_target.get(cluster)).copied().unwrap_or_default();
-            is_target && at.is_none_or(|at| place(&epoch.rig, *number).is_some_and(|place| at.holds(place)))
+            is_target && at.is_none_or(|at| epoch.rig.place(*number).is_some_and(|place| at.holds(place)))
         });
         counts.others = (before - candidates.len()) as u32;
         counts.target = candidates.len() as u32;
@@ -222,7 +271,7 @@ impl Segmenter {
         }
         let is_there =
             |place: [f32; 3]| place.iter().all(|c| c.is_finite()) && around.is_none_or(|around| around.holds(place));
-        candidates.retain(|number| place(&epoch.rig, *number).is_some_and(is_there));
+        candidates.retain(|number| epoch.rig.place(*number).is_some_and(is_there));
     }
 
     /// What planes are the room's.
@@ -238,22 +287,16 @@ impl Segmenter {
     }
 
     fn without_planes(&mut self, epoch: &Epoch, candidates: &mut Vec<u32>, edge: f32, large: Large) -> u32 {
-        let places = candidates.iter().filter_map(|number| place(&epoch.rig, *number));
+        let places = candidates.iter().filter_map(|number| epoch.rig.place(*number));
         let planes = self.planes.find(places, edge, large);
         let before = candidates.len();
         if !planes.is_empty() {
             candidates.retain(|number| {
-                place(&epoch.rig, *number).is_some_and(|place| !planes.iter().any(|plane| plane.holds(place)))
+                epoch.rig.place(*number).is_some_and(|place| !planes.iter().any(|plane| plane.holds(place)))
             });
         }
         (before - candidates.len()) as u32
     }
-}
-
-/// Where a point is in the rig's frame, m.
-fn place(cloud: &RigCloud, number: u32) -> Option<[f32; 3]> {
-    let number = number as usize;
-    Some([*cloud.x.get(number)?, *cloud.y.get(number)?, *cloud.z.get(number)?])
 }
 
 /// How far a point is from its sensor, m.

@@ -8,7 +8,7 @@ const COMPARABLE: f64 = 1.0 / 3.0;
 /// A cluster with this much of it where the target is expected is a part of the target.
 const WITHIN: f64 = 0.9;
 /// What is nearer to the target than this is a part of it, m: a panel behind its yoke, which a sensor does not see.
-const BESIDE_M: f64 = 0.15;
+pub(super) const BESIDE_M: f64 = 0.15;
 /// A target found without a region is so long, m. `LONGEST_M` is also what tells a wall from it.
 const SHORTEST_M: f64 = 0.2;
 /// See [`SHORTEST_M`].
@@ -23,11 +23,15 @@ pub(super) struct Choice {
     pub(super) is_target: Vec<bool>,
     /// Whether another cluster, or what the target's cluster runs into, could be taken for the target.
     pub(super) ambiguous: bool,
+    /// The clusters next to the target's own, in it or reaching into where it is: whether they move with it is not known here.
+    pub(super) beside: Vec<usize>,
+    /// The target's own largest cluster.
+    pub(super) first: Option<usize>,
 }
 
 impl Choice {
     fn nothing(clusters: &[Cluster]) -> Self {
-        Self { is_target: vec![false; clusters.len()], ambiguous: false }
+        Self { is_target: vec![false; clusters.len()], ambiguous: false, beside: Vec::new(), first: None }
     }
 
     fn take(&mut self, number: usize) {
@@ -46,12 +50,18 @@ pub(super) fn expected(clusters: &Clusters, at: &Sphere, least_points: u32) -> C
     let fills = fills(clusters, at);
     let Some(first) = fullest(list, &fills, least_points) else { return choice };
     choice.take(first);
+    choice.first = Some(first);
     let inside = fills.get(first).map_or(0.0, |fill| fill.inside);
     for (number, (cluster, fill)) in list.iter().zip(&fills).enumerate() {
         let all = f64::from(cluster.cells);
         if number == first {
             choice.ambiguous |= all - fill.inside >= COMPARABLE * inside;
-        } else if fill.inside >= WITHIN * all {
+            continue;
+        }
+        if fill.inside > 0.0 {
+            choice.beside.push(number);
+        }
+        if fill.inside >= WITHIN * all {
             choice.take(number);
         } else {
             choice.ambiguous |= fill.inside > 0.0 && all >= COMPARABLE * inside;
@@ -77,9 +87,11 @@ pub(super) fn first_sight(clusters: &Clusters, search: &Search, least_points: u3
     };
     let Some((number, target)) = first.and_then(|number| Some((number, list.get(number)?))) else { return choice };
     choice.take(number);
+    choice.first = Some(number);
     for (other, cluster) in list.iter().enumerate().filter(|(other, _)| *other != number) {
         if cluster.gap_m(target) < BESIDE_M {
             choice.take(other);
+            choice.beside.push(other);
         } else if f64::from(cluster.cells) >= COMPARABLE * f64::from(target.cells) {
             choice.ambiguous |= match search {
                 Search::Nearest => {

@@ -12,7 +12,7 @@ fn region() -> Search {
 /// With `in_roi` as the pipeline makes it.
 fn in_region(mut epoch: Epoch) -> Epoch {
     let region = Sphere { center: Point3::new(2.0, 0.0, 0.0), radius_m: 1.0 };
-    let places: Vec<_> = (0..epoch.rig.len() as u32).filter_map(|number| place(&epoch.rig, number)).collect();
+    let places: Vec<_> = (0..epoch.rig.len() as u32).filter_map(|number| epoch.rig.place(number)).collect();
     epoch.rig.in_roi = places.into_iter().map(|place| region.holds(place)).collect();
     epoch
 }

@@ -25,8 +25,8 @@ pub use beams::BeamBiases;
 pub use deskew::RigMotion;
 pub use fit::Fit;
 pub use frame::{LidarReturn, Pixel, Shot, TrackFrame};
+pub(crate) use model::{CAMERA_SLOPE_RAD, LIDAR_SLOPE_RAD, Model as Growing, Observed};
 pub use model::{MODEL_REACH_M, MOST_SURFELS};
-pub(crate) use model::{Model as Growing, Observed};
 pub use surfels::{Surfel, Surfels};
 
 use crate::register::SensorKind;
@@ -67,6 +67,8 @@ pub struct Tracker {
     sensors: Vec<Memory>,
     /// When a camera's frame was last believed.
     camera: Option<RigNs>,
+    /// Whether a camera's frame is in the model.
+    is_pictured: bool,
     visible: Visible,
     scene: Scene,
     corrected: Vec<Point3<f64>>,
@@ -131,6 +133,17 @@ impl Tracker {
             place.is_some_and(|place| self.seen.nearest(place.coords.cast::<f32>().into(), reach * reach).is_some())
         };
         seen.iter().filter(is_shown).count() as f64 / seen.len().max(1) as f64
+    }
+
+    /// Of each group of places, rig frame, the share that lies nearer than `near_m` to the model at a pose.
+    pub fn shares(&mut self, t_rig_target: &Isometry3<f64>, groups: &[Vec<Point3<f64>>], near_m: f64) -> Vec<f64> {
+        let (inverse, near_m) = (t_rig_target.inverse(), near_m as f32);
+        let model = self.model.surfels.positions().iter();
+        self.seen.fill(model.map(|place| place.coords.cast::<f32>().into()), near_m);
+        let is_near = |place: &&Point3<f64>| {
+            self.seen.nearest((inverse * **place).coords.cast::<f32>().into(), near_m * near_m).is_some()
+        };
+        groups.iter().map(|group| group.iter().filter(is_near).count() as f64 / group.len().max(1) as f64).collect()
     }
 
     /// Takes a frame whose fit is believed: learns its beams' biases, and inserts it into the model at the fit's own pose if
@@ -201,7 +214,10 @@ impl Tracker {
             sigma_m: *sigma_m,
         });
         let noisiest = frame.sigma_m().iter().copied().fold(0.0, f64::max);
-        self.model.insert(observed, noisiest, frame.shot().t);
+        let t = frame.shot().t;
+        self.is_pictured |= frame.kind() == SensorKind::Kinect;
+        let slope_rad = if self.is_pictured { CAMERA_SLOPE_RAD } else { LIDAR_SLOPE_RAD };
+        self.model.insert(observed, noisiest, slope_rad, t);
         if let Some(memory) = self.memory(frame.shot().sensor) {
             memory.inserted = Some(t_rig_target.rotation);
         }

@@ -75,6 +75,17 @@ impl FilterCounts {
     }
 }
 
+/// What is not known of a motion that something has changed, one axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disturbance {
+    /// m/s.
+    pub velocity_mps: f64,
+    /// rad/s.
+    pub rate_rps: f64,
+    /// For so long it went unnoticed, s: the pose is off by what that made.
+    pub unnoticed_s: f64,
+}
+
 /// The filter of one target.
 #[derive(Clone, Debug)]
 pub struct Filter {
@@ -103,16 +114,12 @@ impl Filter {
         verdict
     }
 
-    /// Something pushes the target, or its stage starts or stops: velocity and rate are known no better than these, one axis,
-    /// m/s and rad/s, and the pose no better than what that made in the `unseen_s` seconds before it was noticed. Calibration
-    /// stays as it is.
-    pub fn disturb(&mut self, sigma_velocity_mps: f64, sigma_rate_rps: f64, unseen_s: f64) {
-        let widened = [
-            (0, sigma_rate_rps * unseen_s),
-            (3, sigma_velocity_mps * unseen_s),
-            (VELOCITY, sigma_velocity_mps),
-            (RATE, sigma_rate_rps),
-        ];
+    /// Something pushes the target, or its stage starts or stops: velocity and rate are known no better than this, and the
+    /// pose no better than what that made before it was noticed. Calibration stays as it is.
+    pub fn disturb(&mut self, by: &Disturbance) {
+        let Disturbance { velocity_mps, rate_rps, unnoticed_s } = *by;
+        let widened =
+            [(0, rate_rps * unnoticed_s), (3, velocity_mps * unnoticed_s), (VELOCITY, velocity_mps), (RATE, rate_rps)];
         self.history.change(|state| state.root.widen(&widened));
     }
 

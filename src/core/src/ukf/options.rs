@@ -144,6 +144,11 @@ pub struct SensorPrior {
 /// How far the biases of a LiDAR's beams tilt what it sees: 0.7° for 24 beams over 0.6 m, rad.
 pub(crate) const BEAM_TILT_RAD: f64 = 0.7 * DEGREE;
 
+/// Of a Kinect's slow error, one axis, rad and m, up to a distance, m; beyond it grows with the square of the distance, as the
+/// steps of its depth do: where the target's narrow side is one step deep, a pose is off by more than its noise says.
+const KINECT_SLOW: (f64, f64) = (0.15 * DEGREE, 0.0015);
+const KINECT_SLOW_TO_M: f64 = 2.2;
+
 /// Between the nominal centre and the place where rotation turns the cloud, m.
 const CENTER_M: f64 = 0.004;
 
@@ -153,11 +158,12 @@ impl SensorPrior {
         let warp = [0.25 * DEGREE, 0.25 * DEGREE, 0.05 * DEGREE, 0.001, 0.001, 0.003];
         let scale = [0.0, 0.0, 0.0, 0.0, 0.0, stated.depth_scale * distance_m];
         let sigma_e = extrinsic(distance_m, stated).zip_map(&Vector6::from(warp), length);
+        let far = (distance_m / KINECT_SLOW_TO_M).max(1.0);
         Self {
             kind: SensorKind::Kinect,
             nominal,
             sigma_e: sigma_e.zip_map(&Vector6::from(scale), length),
-            sigma_b: per_axis(0.15 * DEGREE, 0.0015),
+            sigma_b: per_axis(KINECT_SLOW.0, KINECT_SLOW.1) * (far * far),
             sigma_time_s: stated.time_s,
         }
     }
@@ -213,6 +219,10 @@ mod tests {
         // sqrt(0.115² + 0.25²) = 0.2752°; along the sight sqrt(2.3² + (2000·0.115°)² + 4² + 3² + 6²) mm, 0.115° = 2.007 mrad.
         assert!((kinect.sigma_e[0] / DEGREE - 0.2752).abs() < 1e-4);
         assert!((kinect.sigma_e[5] - 9.06e-3).abs() < 2e-5, "{}", kinect.sigma_e[5]);
+        // The slow error stays up to 2.2 m; at 3.3 m it is 2.25 times as much.
+        assert!((kinect.sigma_b[0] / DEGREE - 0.15).abs() < 1e-12);
+        let far = SensorPrior::kinect(Isometry3::identity(), 3.3, &stated);
+        assert!((far.sigma_b[0] / DEGREE - 0.3375).abs() < 1e-12 && (far.sigma_b[3] - 3.375e-3).abs() < 1e-12);
         let lidar = SensorPrior::lidar(Isometry3::identity(), 2.0, &stated);
         // sqrt(0.115² + 0.7²) = 0.7094°.
         assert!((lidar.sigma_e[1] / DEGREE - 0.7094).abs() < 1e-4);

@@ -13,7 +13,7 @@ fn model(points: &[Observed]) -> Model {
 
 fn insert(model: &mut Model, points: &[Observed]) {
     let noisiest = points.iter().map(|point| point.sigma_m).fold(0.0, f64::max);
-    model.insert(points.iter().copied(), noisiest, RigNs(model.insertions as i64));
+    model.insert(points.iter().copied(), noisiest, CAMERA_SLOPE_RAD, RigNs(model.insertions as i64));
 }
 
 #[test]
@@ -88,6 +88,28 @@ fn normals_are_made_anew_from_where_the_surfels_lie() {
         insert(&mut model, &grid);
     }
     assert!(model.surfels.normals().iter().all(|normal| normal.z > libm::cos(2f64.to_radians())));
+}
+
+#[test]
+fn a_patch_is_as_large_as_its_noise_asks_for() {
+    // 16.5 mm of a LiDAR's range: √(2 · 16.5 mm · 13 mm / (√π · 0.026)) = 96 mm; 40 mm: more than the most. 4 mm of a camera's:
+    // 34 mm at 0.05 rad. 1 mm: less than the least.
+    for (sigma_m, slope_rad, expected_m) in
+        [(0.0165, 0.026, 0.0965), (0.040, 0.026, 0.130), (0.004, 0.05, 0.0343), (0.001, 0.05, 0.032)]
+    {
+        let found = patch_m(1.0 / (sigma_m * sigma_m), slope_rad);
+        assert!((found - expected_m).abs() < 1e-4, "{sigma_m} m: {found}");
+    }
+}
+
+#[test]
+fn a_new_surfels_normal_is_made_of_its_patch_at_once() {
+    // A plane 0.3 m wide of which every normal was measured 20° off: what is in the middle lies as the plane does.
+    let tilted = Vector3::new(libm::sin(20f64.to_radians()), 0.0, libm::cos(20f64.to_radians()));
+    let grid: Vec<_> = (0..400)
+        .map(|k| Observed { normal: tilted, ..observed(f64::from(k % 20) * 0.0135, f64::from(k / 20) * 0.0135, 0.0) })
+        .collect();
+    assert!(model(&grid).surfels.normals().iter().all(|normal| normal.z > 0.9999));
 }
 
 proptest! {
